@@ -1,0 +1,61 @@
+"""Delays of the signal on its way down: ionosphere (Klobuchar) and troposphere (Saastamoinen)."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from integrity.gnss.constants import SPEED_OF_LIGHT_MPS
+from integrity.gnss.gps_time import DAY_S
+from integrity.gnss.observations import Floats
+
+
+@dataclass(frozen=True)
+class Klobuchar:
+    """The eight broadcast coefficients: alpha in s, s/sc, s/sc^2, s/sc^3 and beta in s, s/sc, ... (sc: semicircle)."""
+
+    alpha: tuple[float, float, float, float]
+    beta: tuple[float, float, float, float]
+
+
+def klobuchar_delay_m(tow_s: Floats, lat_rad: Floats, lon_rad: Floats, az_rad: Floats, el_rad: Floats, k: Klobuchar) -> Floats:
+    """Ionospheric group delay on L1 in metres, positive, to be subtracted from a pseudorange; shape of el_rad.
+
+    GPS time of week, geodetic latitude and longitude of the receiver; elevation in (0, pi/2]; arguments broadcast.
+    Removes about half of the delay (rms). Source: IS-GPS-200, 20.3.3.5.2.5, angles in semicircles there.
+    """
+    E_sc = el_rad / np.pi
+    psi_sc = 0.0137 / (E_sc + 0.11) - 0.022
+    phi_i_sc = np.clip(lat_rad / np.pi + psi_sc * np.cos(az_rad), -0.416, 0.416)
+    lambda_i_sc = lon_rad / np.pi + psi_sc * np.sin(az_rad) / np.cos(phi_i_sc * np.pi)
+    phi_m_sc = phi_i_sc + 0.064 * np.cos((lambda_i_sc - 1.617) * np.pi)
+    t_s = np.mod(43_200.0 * lambda_i_sc + tow_s, DAY_S)
+
+    def cubic(c: tuple[float, float, float, float]) -> Floats:
+        value: Floats = c[0] + phi_m_sc * (c[1] + phi_m_sc * (c[2] + phi_m_sc * c[3]))
+        return value
+
+    amplitude_s = np.maximum(cubic(k.alpha), 0.0)
+    period_s = np.maximum(cubic(k.beta), 72_000.0)
+    x = 2.0 * np.pi * (t_s - 50_400.0) / period_s
+    x2 = x * x
+    cosine = np.where(np.abs(x) < 1.57, 1.0 - x2 / 2.0 + x2 * x2 / 24.0, 0.0)
+    F = 1.0 + 16.0 * (0.53 - E_sc) ** 3
+    delay_m: Floats = SPEED_OF_LIGHT_MPS * F * (5e-9 + amplitude_s * cosine)
+    return delay_m
+
+
+def saastamoinen_delay_m(lat_rad: Floats, height_m: Floats, el_rad: Floats, relative_humidity: float = 0.7) -> Floats:
+    """Tropospheric delay in metres, positive, to be subtracted from a pseudorange; shape of el_rad.
+
+    Standard atmosphere (15 deg C and 1013.25 hPa at sea level, -6.5 K/km); valid for heights of -100 to 10,000 m (others are
+    clipped) and elevations above about 5 deg, where 1 / sin el is within 3 % of a mapping function; zenith delay good to 0.1 m.
+    Source: Saastamoinen 1972; standard atmosphere and form as in the RTKLIB 2.4.2 manual, equations E.5.1 to E.5.4.
+    """
+    h = np.clip(height_m, -100.0, 10_000.0)
+    pressure_hpa = 1013.25 * (1.0 - 2.2557e-5 * np.maximum(h, 0.0)) ** 5.2568
+    temperature_k = 15.0 - 6.5e-3 * np.maximum(h, 0.0) + 273.16
+    vapour_hpa = 6.108 * relative_humidity * np.exp((17.15 * temperature_k - 4684.0) / (temperature_k - 38.45))
+    hydrostatic_m = 0.0022768 * pressure_hpa / (1.0 - 0.00266 * np.cos(2.0 * lat_rad) - 0.00028 * h / 1e3)
+    wet_m = 0.002277 * (1255.0 / temperature_k + 0.05) * vapour_hpa
+    delay_m: Floats = (hydrostatic_m + wet_m) / np.sin(el_rad)
+    return delay_m
