@@ -59,7 +59,7 @@ class Ephemeris:
     group_delay_s: float
 
     def implausibility(self) -> str | None:
-        """Why this set cannot be an orbit of its system, or None. Limits: ranges of IS-GPS-200 table 20-III, narrowed to GPS and Galileo."""
+        """Why this set cannot be an orbit of GPS or Galileo, or None. Limits: the ranges of IS-GPS-200 table 20-III, narrowed."""
         numbers = [v for f in fields(self) if isinstance(v := getattr(self, f.name), float)]
         if not np.isfinite(numbers).all():
             return "a parameter is not a number"
@@ -207,6 +207,7 @@ class EphemerisStore:
 
     def __init__(self, arrived: Iterable[Ephemeris] = ()) -> None:
         self._arrived = list(dict.fromkeys(arrived))
+        self._known = set(self._arrived)
 
     @property
     def ephemerides(self) -> Sequence[Ephemeris]:
@@ -215,12 +216,14 @@ class EphemerisStore:
 
     def add(self, ephemeris: Ephemeris) -> None:
         """Keep an ephemeris; one that is already here changes nothing."""
-        if ephemeris not in self._arrived:
+        if ephemeris not in self._known:
+            self._known.add(ephemeris)
             self._arrived.append(ephemeris)
 
     def forget_before(self, gps_ns: int) -> None:
-        """Drop what no epoch at or after `gps_ns` can use. Call between blocks only: counts of earlier `choose` calls lose their meaning."""
+        """Drop what no epoch at or after `gps_ns` can use. Call between blocks only: earlier counts of arrivals lose their meaning."""
         self._arrived = [eph for eph in self._arrived if eph.toe_ns + eph.fit_half_s * NS_PER_S >= gps_ns]
+        self._known = set(self._arrived)
 
     def choose(self, satellites: Sequence[str], epoch_ns: Ints, arrived: Ints) -> Ints:
         """Index (E, S) into `ephemerides`, -1 for none; `arrived` (E,) is how many had arrived when each epoch was complete."""

@@ -109,5 +109,5 @@ def build_block(
         satellites=tuple(s.partition(".")[0] for s in signals),
         epoch_ns=np.array(epoch_ns, dtype=np.int64),
         receive_time_ns=receive_time_ns,
-        **arrays,  # type: ignore[arg-type]
+        **arrays,
     )

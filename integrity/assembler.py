@@ -1,0 +1,146 @@
+"""From events to aligned epochs: the stateful, cheap first step. Keeps epochs and ticks in the order in which they were completed.
+
+An aligned epoch is one row of every receiver at one nominal time. A row too far from a nominal time, a second row for the same
+time, and a row whose time has passed are dropped and counted; rows that never find their partners are dropped when a later epoch
+is complete.
+"""
+
+from collections import Counter
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+from integrity.events import EphemerisReceived, Event, IonosphereReceived, ObservationsReceived, Tick
+from integrity.gnss.atmosphere import Klobuchar
+from integrity.gnss.ephemeris import EphemerisStore
+from integrity.gnss.observations import ObservationRow
+from integrity.limits import Limits
+
+MOST_PENDING_EPOCHS = 64  # of receivers whose times never meet
+
+
+@dataclass(frozen=True)
+class AlignedEpoch:
+    """Rows in the order of the receivers, complete at `mono_ns`; `arrived` ephemerides and the ionosphere known by then."""
+
+    epoch_ns: int
+    mono_ns: int
+    rows: tuple[ObservationRow, ...]
+    arrived: int
+    klobuchar: Klobuchar | None
+
+
+@dataclass(frozen=True)
+class SilentTick:
+    """A tick at which receivers are silent; none named when all send but share no epoch."""
+
+    tick: Tick
+    receivers: tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class AssemblerState:
+    """What the assembler remembers between calls; times are GPS (`last_epoch_ns`) and monotonic (`heard_ns`, `aligned_ns`)."""
+
+    pending: tuple[tuple[int, tuple[ObservationRow, ...]], ...] = ()
+    last_epoch_ns: int | None = None
+    heard_ns: tuple[tuple[str, int], ...] = ()
+    aligned_ns: int | None = None
+    klobuchar: Klobuchar | None = None
+    dropped: tuple[tuple[str, int], ...] = ()
+    refused_ephemerides: int = 0
+
+
+class Assembler:
+    """See the module. `store` is shared with the monitor, which chooses from it."""
+
+    def __init__(self, receivers: tuple[str, ...], interval_ns: int, limits: Limits, state: AssemblerState, store: EphemerisStore) -> None:
+        self._receivers, self._interval_ns, self._limits, self._store = receivers, interval_ns, limits, store
+        self._pending = {epoch: {row.receiver: row for row in rows} for epoch, rows in state.pending}
+        self.last_epoch_ns = state.last_epoch_ns
+        self._heard_ns = dict(state.heard_ns)
+        self._aligned_ns = state.aligned_ns
+        self._klobuchar = state.klobuchar
+        self.dropped = Counter(dict(state.dropped))
+        self._refused_ephemerides = state.refused_ephemerides
+
+    def state(self) -> AssemblerState:
+        """For a snapshot."""
+        return AssemblerState(
+            pending=tuple((epoch, tuple(rows.values())) for epoch, rows in self._pending.items()),
+            last_epoch_ns=self.last_epoch_ns,
+            heard_ns=tuple(sorted(self._heard_ns.items())),
+            aligned_ns=self._aligned_ns,
+            klobuchar=self._klobuchar,
+            dropped=tuple(sorted(self.dropped.items())),
+            refused_ephemerides=self._refused_ephemerides,
+        )
+
+    @property
+    def deadline_ns(self) -> int | None:
+        """Monotonic time after which a tick will find a silent stream; None before the first event."""
+        heard = [self._heard_ns.get(r) for r in self._receivers] + [self._aligned_ns]
+        known = [t for t in heard if t is not None]
+        return min(known) + self._limits.silence_ns if known else None
+
+    def take(self, events: Iterable[Event]) -> list[AlignedEpoch | SilentTick]:
+        """Epochs and silences, in the order in which the events complete them."""
+        out: list[AlignedEpoch | SilentTick] = []
+        for event in events:
+            match event:
+                case ObservationsReceived():
+                    out += self._observations(event)
+                case Tick():
+                    out += self._tick(event)
+                case EphemerisReceived():
+                    if event.ephemeris.implausibility() is None:
+                        self._store.add(event.ephemeris)
+                    else:
+                        self._refused_ephemerides += 1
+                case IonosphereReceived():
+                    self._klobuchar = event.klobuchar
+        return out
+
+    def _observations(self, event: ObservationsReceived) -> list[AlignedEpoch | SilentTick]:
+        row = event.row
+        if row.receiver not in self._receivers:
+            self.dropped[row.receiver] += 1
+            return []
+        self._start_listening(event.mono_ns)
+        self._heard_ns[row.receiver] = event.mono_ns
+        epoch_ns = nominal_epoch_ns(row.receive_time_ns, self._interval_ns)
+        off_grid = abs(row.receive_time_ns - epoch_ns) > self._limits.alignment_tolerance_ns
+        past = self.last_epoch_ns is not None and epoch_ns <= self.last_epoch_ns
+        rows = self._pending.get(epoch_ns, {})
+        if off_grid or past or row.receiver in rows:
+            self.dropped[row.receiver] += 1
+            return []
+        self._pending[epoch_ns] = rows | {row.receiver: row}
+        if len(rows) + 1 < len(self._receivers):
+            if len(self._pending) > MOST_PENDING_EPOCHS:
+                self._give_up(next(iter(self._pending)))
+            return []
+        complete = self._pending.pop(epoch_ns)
+        for earlier in [t for t in self._pending if t < epoch_ns]:
+            self._give_up(earlier)
+        self.last_epoch_ns, self._aligned_ns = epoch_ns, event.mono_ns
+        rows_in_order = tuple(complete[r] for r in self._receivers)
+        return [AlignedEpoch(epoch_ns, event.mono_ns, rows_in_order, len(self._store.ephemerides), self._klobuchar)]
+
+    def _give_up(self, epoch_ns: int) -> None:
+        self.dropped.update(self._pending.pop(epoch_ns).keys())
+
+    def _tick(self, tick: Tick) -> list[AlignedEpoch | SilentTick]:
+        self._start_listening(tick.mono_ns)
+        silent = tuple(r for r in self._receivers if tick.mono_ns - self._heard_ns[r] > self._limits.silence_ns)
+        unaligned = self._aligned_ns is None or tick.mono_ns - self._aligned_ns > self._limits.silence_ns
+        return [SilentTick(tick, silent)] if silent or unaligned else []
+
+    def _start_listening(self, mono_ns: int) -> None:
+        """A receiver that was never heard is silent from the first event on, not from the beginning of time."""
+        for receiver in self._receivers:
+            self._heard_ns.setdefault(receiver, mono_ns)
+
+
+def nominal_epoch_ns(receive_time_ns: int, interval_ns: int) -> int:
+    """The multiple of the epoch interval, in GPS time, nearest to a receiver's time tag."""
+    return (receive_time_ns + interval_ns // 2) // interval_ns * interval_ns

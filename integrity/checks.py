@@ -1,0 +1,66 @@
+"""Positions, every statistic, every check of a block: step 4 of the main path, memoryless."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from integrity.config import SiteConfig
+from integrity.gnss.observations import Bools, Floats
+from integrity.gnss.positioning import Points, Solution, positions
+from integrity.limits import Limits
+from integrity.monitors.residuals import b_values_m, known_point_residuals, normalised_b_values, seen_by_all, worst
+from integrity.monitors.streams import missing_satellites, second_worst
+from integrity.monitors.triangles import TriangleStatistics, triangle_statistics
+from integrity.sight import Sight
+from integrity.stream_memory import StreamStatistics
+from integrity.triangle import ReferenceTriangle
+from integrity.verdict import Checks, judge
+
+
+@dataclass(frozen=True, eq=False)
+class BlockChecks:
+    """What was computed on the satellites `used` (E, S): solution, statistics, checks; per satellite `residual_sigmas` (E, S),
+    the normalised residual that all receivers share, and `b_m` (E, R, S)."""
+
+    used: Bools
+    solution: Solution
+    triangle: TriangleStatistics
+    checks: Checks
+    residual_sigmas: Floats
+    b_m: Floats
+
+
+def check(
+    sight: Sight, used: Bools, streams: StreamStatistics, points: Points, triangle: ReferenceTriangle, site: SiteConfig, limits: Limits
+) -> BlockChecks:
+    """All checks of a block on the satellites `used` (E, S)."""
+    s = sight.satellites
+    solution = positions(
+        sight.block,
+        sight.states,
+        points,
+        sight.klobuchar,
+        sight.at_points,
+        s.sigma_m[:, None, :],
+        used[:, None, :],
+        s.system_of,
+        s.n_systems,
+    )
+    known = known_point_residuals(s.prefit_m, s.sigma_m, used, s.system_of, s.n_systems)
+    residual_sigmas = seen_by_all(known.normalised)
+    b_sigmas = np.abs(normalised_b_values(known.residual_m, s.sigma_differential_m)).max(axis=1)
+    of_triangle = triangle_statistics(solution.e_enu_m, triangle, site.integrity)
+    statistics = {f"circle_{name}": of_triangle.circle_m[:, r] for r, name in enumerate(site.receiver_names)} | {
+        "data": missing_satellites(used, limits.min_common_satellites),
+        "repeat": streams.repeating.sum(axis=1).astype(np.float64),
+        "common": of_triangle.common,
+        "common_3d": of_triangle.common_3d,
+        "shape": of_triangle.shape,
+        "shape_3d": of_triangle.shape_3d,
+        "collapse": of_triangle.collapse,
+        "residual": worst(residual_sigmas, used),
+        "b_value": worst(b_sigmas, used),
+        "cn0": second_worst(streams.cn0_drop_db),
+        "loss": second_worst(streams.lost_share),
+    }
+    return BlockChecks(used, solution, of_triangle, judge(statistics, limits), residual_sigmas, b_values_m(known.residual_m))

@@ -1,0 +1,298 @@
+"""Positions of all receivers and epochs of a block at once, linearised at known points.
+
+The path: `prefit` turns pseudoranges into residuals at given points; `solve` turns residuals into displacements, in the local
+axes of each receiver, with a clock per constellation; `positions` does both and linearises again where a receiver is far away.
+
+Each clock is eliminated by subtracting its constellation's weighted mean, which leaves 3 x 3 normal equations that are inverted
+in closed form: no linear-algebra library, so that every machine computes the same.
+"""
+
+from dataclasses import dataclass
+from enum import IntEnum
+from typing import NamedTuple
+
+import numpy as np
+
+from integrity.gnss.atmosphere import Klobuchar, klobuchar_delay_m, saastamoinen_delay_m
+from integrity.gnss.constants import EARTH_ROTATION_RADPS, SPEED_OF_LIGHT_MPS
+from integrity.gnss.ephemeris import SatelliteStates
+from integrity.gnss.frames import enu_axes, geodetic_from_ecef
+from integrity.gnss.gps_time import NS_PER_S, WEEK_NS
+from integrity.gnss.observations import Bools, Floats, Ints, ObservationBlock, freeze
+
+TRAVEL_TIME_NS = 77_500_000  # midway between zenith and horizon, GPS and Galileo: states are evaluated this long before the epoch
+RELINEARISE_BEYOND_M = 1_000.0  # second order of the range: 2.5 cm at 1 km, 2.5 m at 10 km
+RELINEARISATIONS = 6  # from anywhere on Earth to below 1 mm
+URA_NOMINAL_M = 2.4  # URA index 0: the accuracy for which the site's range sigmas hold
+
+
+class Unsolved(IntEnum):
+    """Why there is no position, or SOLVED."""
+
+    SOLVED = 0
+    TOO_FEW_SATELLITES = 1
+    POOR_GEOMETRY = 2
+    DIVERGED = 3
+
+
+class Points(NamedTuple):
+    """Points of linearisation: `pos_ecef_m` (E or 1, R, 3), geodetic coordinates (E or 1, R), local axes `enu` (E or 1, R, 3, 3)."""
+
+    pos_ecef_m: Floats
+    lat_rad: Floats
+    lon_rad: Floats
+    height_m: Floats
+    enu: Floats
+
+
+@dataclass(frozen=True, eq=False)
+class Prefit:
+    """Residuals (E, R, S) at the points, m: measured minus modelled pseudorange, receiver clock left in; NaN where unseen.
+
+    `los_enu` (3, E, R, S): unit vectors from receiver to satellite; `el_rad`, `az_rad` (E, R, S) also where nothing was measured.
+    """
+
+    residual_m: Floats
+    los_enu: Floats
+    el_rad: Floats
+    az_rad: Floats
+
+    def __post_init__(self) -> None:
+        freeze(self)
+
+
+@dataclass(frozen=True, eq=False)
+class Solution:
+    """Displacements from the points: `e_enu_m` and, in order of `SYSTEMS`, `clock_m`; (E, R, 3) and (E, R, K); NaN where unsolved.
+
+    `cofactor` (E, R, 3, 3) is (H' W H)^-1 of the position, in m2 when sigmas are in m; `pdop`, `hdop`, `vdop` (E, R) are for equal weights;
+    `redundancy` (E, R, S) is 1 - h_ii of each satellite used; `why` (E, R) holds `Unsolved`.
+    """
+
+    e_enu_m: Floats
+    clock_m: Floats
+    cofactor: Floats
+    hdop: Floats
+    vdop: Floats
+    redundancy: Floats
+    n_used: Ints
+    why: Ints
+
+    def __post_init__(self) -> None:
+        freeze(self)
+
+    @property
+    def solved(self) -> Bools:
+        """Where there is a position, (E, R)."""
+        result: Bools = self.why == Unsolved.SOLVED
+        return result
+
+
+def points_at(pos_ecef_m: Floats) -> Points:
+    """Points (..., R, 3) with their geodetic coordinates and axes; a single set (R, 3) serves all epochs."""
+    pos = pos_ecef_m if pos_ecef_m.ndim == 3 else pos_ecef_m[None]
+    lat, lon, height = geodetic_from_ecef(pos)
+    return Points(pos, lat, lon, height, enu_axes(lat, lon))
+
+
+def state_time_ns(epoch_ns: Ints) -> Ints:
+    """The time at which to evaluate satellite states for epochs: near every transmission time, and the same for all receivers."""
+    return epoch_ns - TRAVEL_TIME_NS
+
+
+def prefit(block: ObservationBlock, states: SatelliteStates, points: Points, klobuchar: Klobuchar | None) -> Prefit:
+    """Residuals of a block at the points; `states` at `state_time_ns` of the block's epochs.
+
+    Satellites are moved from there to each receiver's own time of transmission by position, velocity and acceleration:
+    within 0.1 mm for a receiver whose time tag is up to 0.5 s from the epoch. Without Klobuchar terms the ionosphere is left in.
+    """
+    rho = block.pseudorange_m
+    t_rx_s = (block.receive_time_ns - states.t_ns[:, None]) / NS_PER_S
+    dt = t_rx_s[:, :, None] - rho / SPEED_OF_LIGHT_MPS - states.clock_s[:, None, :]
+    dt = np.where(np.isfinite(dt), dt, 0.0)
+    dts_s = states.clock_s[:, None, :] + states.clock_drift_sps[:, None, :] * dt
+
+    x, y, z = (
+        p[:, None, :] + dt * (v[:, None, :] + (0.5 * dt) * a[:, None, :])
+        for p, v, a in zip(states.pos_ecef_m, states.vel_ecef_mps, states.acc_ecef_mps2, strict=True)
+    )
+    x_r, y_r, z_r = (points.pos_ecef_m[..., i, None] for i in range(3))
+    dx, dy, dz = x - x_r, y - y_r, z - z_r
+    distance_m = np.sqrt(dx * dx + dy * dy + dz * dz)
+    sagnac_m = (EARTH_ROTATION_RADPS / SPEED_OF_LIGHT_MPS) * (x * y_r - y * x_r)
+
+    axes = points.enu[..., None]
+    los_enu = np.stack([(axes[:, :, i, 0] * dx + axes[:, :, i, 1] * dy + axes[:, :, i, 2] * dz) / distance_m for i in range(3)])
+    el_rad = np.arcsin(np.clip(los_enu[2], -1.0, 1.0))
+    az_rad = np.arctan2(los_enu[0], los_enu[1])
+
+    lat, lon, height = points.lat_rad[..., None], points.lon_rad[..., None], points.height_m[..., None]
+    el_air = np.maximum(el_rad, np.deg2rad(3.0))  # below, neither model holds; such satellites are screened out
+    delay_m = saastamoinen_delay_m(lat, height, el_air)
+    if klobuchar is not None:
+        tow_s = (block.epoch_ns % WEEK_NS / NS_PER_S)[:, None, None]
+        delay_m = delay_m + klobuchar_delay_m(tow_s, lat, lon, az_rad, el_air, klobuchar)
+    modelled_m = distance_m + sagnac_m - SPEED_OF_LIGHT_MPS * dts_s + delay_m
+    return Prefit(rho - modelled_m, los_enu, el_rad, az_rad)
+
+
+def range_sigma_m(el_rad: Floats, a_m: float, b_m: float, accuracy_m: Floats | float = URA_NOMINAL_M) -> Floats:
+    """Standard deviation of a range, m: (URA / 2.4 m) sqrt(a^2 + (b / sin el)^2); shape of el_rad, elevations below 3 deg as 3 deg."""
+    sin_el = np.sin(np.maximum(el_rad, np.deg2rad(3.0)))
+    sigma_m: Floats = (accuracy_m / URA_NOMINAL_M) * np.sqrt(a_m**2 + (b_m / sin_el) ** 2)
+    return sigma_m
+
+
+def solve(residual_m: Floats, los_enu: Floats, sigma_m: Floats, used: Bools, system_of: Ints, n_systems: int) -> Solution:
+    """Weighted least squares of displacement and a clock per constellation, for every epoch and receiver.
+
+    residual_m (E, R, S); los_enu (3, E, R, S); sigma_m, used broadcast to (E, R, S); system_of (S,) numbers the constellation.
+    A satellite alone in its constellation determines only a clock. Geometry is refused when its PDOP exceeds 100.
+    """
+    used = np.broadcast_to(used, residual_m.shape) & np.isfinite(residual_m)
+    w = np.where(used, 1.0 / np.broadcast_to(sigma_m, residual_m.shape) ** 2, 0.0)
+    y = np.where(used, residual_m, 0.0)
+    u = np.where(used, los_enu, 0.0)
+
+    members = [system_of == k for k in range(n_systems)]
+    weight = np.stack([np.where(m, w, 0.0).sum(axis=-1) for m in members], axis=-1)  # (E, R, K)
+    count = np.stack([(used & m).sum(axis=-1) for m in members], axis=-1)
+    safe = np.where(weight > 0.0, weight, 1.0)
+
+    def mean_of_system(v: Floats) -> Floats:
+        return np.stack([np.where(m, w * v, 0.0).sum(axis=-1) for m in members], axis=-1) / safe
+
+    y_mean = mean_of_system(y)
+    u_mean = np.stack([mean_of_system(c) for c in u])  # (3, E, R, K)
+    dy = np.where(used, y - y_mean[..., system_of], 0.0)
+    du = np.where(used, u - u_mean[..., system_of], 0.0)
+
+    wdu = w * du
+    N = _symmetric(wdu, du)
+    C, determinant = _inverse(N)
+    b = -(wdu * dy).sum(axis=-1)  # a range shrinks when the receiver moves towards the satellite
+    e = np.stack([(C[i] * b).sum(axis=0) for i in range(3)], axis=-1)
+
+    n_used = used.sum(axis=-1)
+    n_clocks = (count > 0).sum(axis=-1)
+    Q, q_determinant = _inverse(_symmetric(_centred_equally(u, used, members, count), None))
+    with np.errstate(invalid="ignore"):
+        hdop, vdop = np.sqrt(Q[0, 0] + Q[1, 1]), np.sqrt(Q[2, 2])
+        poor = ~((q_determinant > 0.0) & (determinant > 0.0) & (np.hypot(hdop, vdop) <= 100.0) & np.isfinite(e).all(axis=-1))
+    why = np.where(n_used < 3 + n_clocks, Unsolved.TOO_FEW_SATELLITES, np.where(poor, Unsolved.POOR_GEOMETRY, Unsolved.SOLVED))
+
+    unsolved = why != Unsolved.SOLVED
+    e[unsolved] = np.nan
+    clock = y_mean + (u_mean * np.moveaxis(e, -1, 0)[..., None]).sum(axis=0)
+    clock[count == 0] = np.nan
+    leverage = w * ((du * np.stack([(C[i][..., None] * du).sum(axis=0) for i in range(3)])).sum(axis=0) + 1.0 / safe[..., system_of])
+    return Solution(
+        e_enu_m=e,
+        clock_m=clock,
+        cofactor=np.where(unsolved[..., None, None], np.nan, np.moveaxis(C, (0, 1), (-2, -1))),
+        hdop=np.where(unsolved, np.nan, hdop),
+        vdop=np.where(unsolved, np.nan, vdop),
+        redundancy=np.where(used & ~unsolved[..., None], 1.0 - leverage, np.nan),
+        n_used=n_used,
+        why=why,
+    )
+
+
+def postfit_m(residual_m: Floats, los_enu: Floats, solution: Solution, system_of: Ints) -> Floats:
+    """Residuals (E, R, S) after the solution, m, of every satellite seen whose constellation has a clock, used or not."""
+    moved_m = (los_enu * np.moveaxis(solution.e_enu_m, -1, 0)[..., None]).sum(axis=0)
+    result: Floats = residual_m + moved_m - solution.clock_m[..., system_of]
+    return result
+
+
+def positions(
+    block: ObservationBlock,
+    states: SatelliteStates,
+    points: Points,
+    klobuchar: Klobuchar | None,
+    first: Prefit,
+    sigma_m: Floats,
+    used: Bools,
+    system_of: Ints,
+    n_systems: int,
+) -> Solution:
+    """The solution on the given prefit, linearised again, in the axes of `points`, for epochs where a receiver is over 1 km away."""
+    solution = solve(first.residual_m, first.los_enu, sigma_m, used, system_of, n_systems)
+    far = np.flatnonzero((np.abs(solution.e_enu_m) > RELINEARISE_BEYOND_M).any(axis=(1, 2)))
+    if not len(far):
+        return solution
+    block_far, states_far = _epochs_of_block(block, far), _epochs_of_states(states, far)
+    shape = (len(far), *first.residual_m.shape[1:])
+    sigma_far, used_far = np.broadcast_to(sigma_m, first.residual_m.shape)[far], np.broadcast_to(used, first.residual_m.shape)[far]
+    e = np.array(solution.e_enu_m[far])
+    refined = solution
+    for _ in range(RELINEARISATIONS):
+        start = np.where(np.isfinite(e), e, 0.0)
+        moved = points.pos_ecef_m + (np.swapaxes(points.enu, -1, -2) @ start[..., None])[..., 0]
+        there = points_at(moved)
+        again = prefit(block_far, states_far, Points(*there[:4], np.broadcast_to(points.enu, (*shape[:2], 3, 3))), klobuchar)
+        refined = solve(again.residual_m, again.los_enu, sigma_far, used_far, system_of, n_systems)
+        e = start + refined.e_enu_m
+    converged: Bools = np.all(np.abs(refined.e_enu_m) < 0.01, axis=-1)
+    return _replaced(solution, far, refined, e, converged)
+
+
+def _replaced(solution: Solution, far: Ints, refined: Solution, e: Floats, converged: Bools) -> Solution:
+    """`solution` with the epochs `far` taken from `refined`, displaced by e; NaN and DIVERGED where it did not converge."""
+    values = {name: np.array(getattr(solution, name)) for name in Solution.__dataclass_fields__}
+    for name, array in values.items():
+        array[far] = getattr(refined, name)
+    values["e_enu_m"][far] = np.where(converged[..., None], e, np.nan)
+    values["why"][far] = np.where(refined.solved & ~converged, Unsolved.DIVERGED, refined.why)
+    return Solution(**values)
+
+
+def _epochs_of_block(block: ObservationBlock, epochs: Ints) -> ObservationBlock:
+    per_epoch = {n: getattr(block, n)[epochs] for n in block.__dataclass_fields__ if n not in ("receivers", "signals", "satellites")}
+    return ObservationBlock(block.receivers, block.signals, block.satellites, **per_epoch)
+
+
+def _epochs_of_states(states: SatelliteStates, epochs: Ints) -> SatelliteStates:
+    return SatelliteStates(
+        states.t_ns[epochs],
+        states.pos_ecef_m[:, epochs],
+        states.vel_ecef_mps[:, epochs],
+        states.acc_ecef_mps2[:, epochs],
+        states.clock_s[epochs],
+        states.clock_drift_sps[epochs],
+    )
+
+
+def _centred_equally(u: Floats, used: Bools, members: list[Bools], count: Ints) -> Floats:
+    """Unit vectors minus the plain mean of their constellation: the geometry matrix of equal weights, clocks eliminated."""
+    safe = np.maximum(count, 1)
+    centred = np.zeros_like(u)
+    for k, m in enumerate(members):
+        of_system = used & m
+        mean = np.where(of_system, u, 0.0).sum(axis=-1) / safe[..., k]
+        centred += np.where(of_system, u - mean[..., None], 0.0)
+    return centred
+
+
+def _symmetric(a: Floats, b: Floats | None) -> Floats:
+    """Sums over the last axis of a_i b_j, (3, 3, ...), for a, b (3, ..., S) of which the product is symmetric; b is a when None."""
+    b = a if b is None else b
+    N = np.empty((3, 3, *a.shape[1:-1]))
+    for i in range(3):
+        for j in range(i, 3):
+            N[i, j] = N[j, i] = (a[i] * b[j]).sum(axis=-1)
+    return N
+
+
+def _inverse(N: Floats) -> tuple[Floats, Floats]:
+    """Inverse (3, 3, ...) and determinant (...) of symmetric matrices by cofactors; NaN where the determinant is not positive."""
+    C = np.empty_like(N)
+    C[0, 0] = N[1, 1] * N[2, 2] - N[1, 2] * N[1, 2]
+    C[0, 1] = C[1, 0] = N[0, 2] * N[1, 2] - N[0, 1] * N[2, 2]
+    C[0, 2] = C[2, 0] = N[0, 1] * N[1, 2] - N[0, 2] * N[1, 1]
+    C[1, 1] = N[0, 0] * N[2, 2] - N[0, 2] * N[0, 2]
+    C[1, 2] = C[2, 1] = N[0, 1] * N[0, 2] - N[0, 0] * N[1, 2]
+    C[2, 2] = N[0, 0] * N[1, 1] - N[0, 1] * N[0, 1]
+    determinant = N[0, 0] * C[0, 0] + N[0, 1] * C[0, 1] + N[0, 2] * C[0, 2]
+    positive = determinant > 0.0
+    return C / np.where(positive, determinant, np.nan), determinant

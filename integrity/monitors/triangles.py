@@ -1,0 +1,120 @@
+"""The solved triangle against the reference triangle: circles, common position, shape, collapse, and who is to blame.
+
+e_j is solved minus surveyed position of receiver j, east, north, up. Error model (section 2.2): e_j = c + d_j, with c common to all
+receivers (Sigma_c) and d_j each receiver's own (Sigma_d), both diagonal. NaN in, NaN out: a check on NaN does not pass.
+"""
+
+from itertools import combinations, permutations
+from typing import NamedTuple
+
+import numpy as np
+
+from integrity.config import IntegrityConfig
+from integrity.gnss.observations import Bools, Floats
+from integrity.limits import Limits
+from integrity.triangle import ReferenceTriangle
+
+
+class TriangleStatistics(NamedTuple):
+    """Per epoch: `circle_m` (E, R), `common`, `common_3d`, `shape`, `shape_3d`, `collapse`, `collapse_fit` (E,); for naming, (E, R):
+    `isolation` t_j, `pair` T_pair of the others, `log_likelihood_ratio`."""
+
+    circle_m: Floats
+    common: Floats
+    common_3d: Floats
+    shape: Floats
+    shape_3d: Floats
+    collapse: Floats
+    collapse_fit: Floats
+    isolation: Floats
+    pair: Floats
+    log_likelihood_ratio: Floats
+
+
+def triangle_statistics(e_enu_m: Floats, triangle: ReferenceTriangle, promises: IntegrityConfig) -> TriangleStatistics:
+    """All statistics of displacements (E, R, 3)."""
+    var_c = np.array([promises.sigma_common_m**2] * 2 + [promises.sigma_common_up_m**2])
+    var_d = np.array([promises.sigma_differential_m**2] * 2 + [promises.sigma_differential_up_m**2])
+    n = e_enu_m.shape[1]
+    mean = e_enu_m.mean(axis=1)
+    own = e_enu_m - mean[:, None, :]
+
+    common = mean**2 / (var_c + var_d / n)
+    shape = (own**2 / var_d).sum(axis=1)
+    isolation = n / (n - 1) * (own**2 / var_d).sum(axis=-1)
+
+    others = (n * mean[:, None, :] - e_enu_m) / (n - 1)  # e_kl
+    spread_of_others = np.stack([_spread(np.delete(e_enu_m, j, axis=1), var_d) for j in range(n)], axis=1)
+    one_alone = (e_enu_m**2 / (var_c + var_d)).sum(axis=-1)
+    the_others = (others**2 / (var_c + var_d / (n - 1))).sum(axis=-1)
+
+    return TriangleStatistics(
+        circle_m=np.hypot(e_enu_m[..., 0], e_enu_m[..., 1]),
+        common=common[:, :2].sum(axis=-1),
+        common_3d=common.sum(axis=-1),
+        shape=shape[:, :2].sum(axis=-1),
+        shape_3d=shape.sum(axis=-1),
+        collapse=collapse_statistic(own, triangle.baseline_enu_m, var_d),
+        collapse_fit=_spread(solved_points_m(e_enu_m, triangle), var_d),
+        isolation=isolation,
+        pair=spread_of_others,
+        log_likelihood_ratio=0.5 * (one_alone - the_others),
+    )
+
+
+def collapse_statistic(own_m: Floats, baseline_m: Floats, var_d: Floats) -> Floats:
+    """S (E,) of section 2.6: the matched filter for "all receivers stand at one point"; N(0, 1) without, N(sqrt(Lambda), 1) with."""
+    Lambda = (baseline_m**2 / var_d).sum()
+    S: Floats = -(own_m * baseline_m / var_d).sum(axis=(1, 2)) / np.sqrt(Lambda)
+    return S
+
+
+def solved_points_m(e_enu_m: Floats, triangle: ReferenceTriangle) -> Floats:
+    """Solved positions (E, R, 3) in the axes of the first receiver, from the centroid of the reference triangle, m."""
+    moved_ecef = (np.swapaxes(triangle.enu, -1, -2) @ e_enu_m[..., None])[..., 0]
+    result: Floats = triangle.baseline_enu_m + moved_ecef @ triangle.enu[0].T
+    return result
+
+
+def _spread(points_m: Floats, var_d: Floats) -> Floats:
+    """Sum of squared distances (E,) of points (E, n, 3) from their mean, in sigmas; for two points T_pair of section 2.2."""
+    total: Floats = ((points_m - points_m.mean(axis=1, keepdims=True)) ** 2 / var_d).sum(axis=(1, 2))
+    return total
+
+
+def named_receiver(statistics: TriangleStatistics, limits: Limits) -> Bools:
+    """The receiver (E, R) that may be named faulty, if any: rules (i) to (iv) of section 2.2.
+
+    (i) it is the furthest from the others, and its own statistic exceeds, (ii) the others agree, (iii) the others are inside their
+    circles, (iv) one faulty receiver is a thousand times likelier than two that fail alike.
+    """
+    n = statistics.isolation.shape[1]
+    inside = statistics.circle_m <= limits.radius_m
+    others_inside = np.stack([np.delete(inside, j, axis=1).all(axis=1) for j in range(n)], axis=1)
+    furthest = statistics.isolation == statistics.isolation.max(axis=1, keepdims=True)
+    named: Bools = (
+        furthest
+        & (statistics.isolation > limits.isolation)
+        & (statistics.pair <= limits.pair)
+        & others_inside
+        & (statistics.log_likelihood_ratio > limits.log_likelihood_ratio)
+    )
+    return named
+
+
+def swapped_receivers(e_enu_m: Floats, triangle: ReferenceTriangle, limits: Limits) -> str:
+    """In words, the exchange of surveyed points that explains displacements (R, 3) of one epoch; empty when none does, or none is needed.
+
+    For people only: antennas connected to each other's receivers, or coordinates entered for the wrong one.
+    """
+    solved_ecef_m = triangle.pos_ecef_m + (np.swapaxes(triangle.enu, -1, -2) @ e_enu_m[..., None])[..., 0]
+    fits = np.linalg.norm(solved_ecef_m[:, None] - triangle.pos_ecef_m[None], axis=-1) <= 2.0 * limits.radius_m
+    names = triangle.names
+    if fits.diagonal().any() and not fits.diagonal().all():
+        pairs = [(a, b) for a, b in combinations(range(len(names)), 2) if fits[a, b] and fits[b, a] and not fits[a, a] and not fits[b, b]]
+        return "".join(
+            f"receivers {names[a]} and {names[b]} stand at each other's points: antennas or coordinates exchanged?" for a, b in pairs
+        )
+    if not fits.diagonal().any() and any(all(fits[i, p[i]] for i in range(len(names))) for p in permutations(range(len(names)))):
+        return "every receiver stands at another one's point: antennas or coordinates exchanged?"
+    return ""

@@ -1,0 +1,86 @@
+"""What comes out of a `StationMonitor`: a report per epoch, health to publish, and an alert per change of state."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from integrity.exclusion import Exclusion
+from integrity.gnss.observations import Bools, Floats, Ints, freeze
+from integrity.states import Cause, Outcome, State
+from integrity.verdict import Verdict
+
+
+@dataclass(frozen=True, eq=False)
+class EpochReport:
+    """The record of why. `state, cause, subjects` are what is published after this epoch; `verdict` is of this epoch alone.
+
+    Per receiver: `e_enu_m` (R, 3), solved minus surveyed, NaN where unsolved; `satellites_used` (R,). Per check: `statistic`,
+    `threshold`, `outcome` (C,). Per signal: `used` (S,), `residual_sigmas` (S,), `b_m` (R, S).
+    """
+
+    gps_time_ns: int
+    mono_ns: int
+    state: State
+    cause: Cause
+    subjects: tuple[str, ...]
+    verdict: Verdict
+    triangle_alone: State
+    exclusions: tuple[Exclusion, ...]
+    receivers: tuple[str, ...]
+    e_enu_m: Floats
+    satellites_used: Ints
+    check_names: tuple[str, ...]
+    statistic: Floats
+    threshold: Floats
+    outcome: NDArray[np.int64]
+    signals: tuple[str, ...]
+    used: Bools
+    residual_sigmas: Floats
+    b_m: Floats
+
+    def __post_init__(self) -> None:
+        freeze(self)
+
+    @property
+    def not_monitored(self) -> tuple[str, ...]:
+        """Checks that had no input."""
+        return tuple(n for n, o in zip(self.check_names, self.outcome, strict=True) if o == Outcome.NOT_MONITORED)
+
+    @property
+    def excluded(self) -> tuple[str, ...]:
+        """Satellites on the exclusion list, sorted."""
+        return tuple(x.satellite for x in self.exclusions)
+
+
+@dataclass(frozen=True)
+class HealthReport:
+    """What is published after an epoch, or as a heartbeat while a stream is silent (`gps_time_ns` is then of the last epoch)."""
+
+    sequence: int
+    gps_time_ns: int | None
+    issued_mono_ns: int
+    valid_for_ms: int
+    state: State
+    cause: Cause
+    subjects: tuple[str, ...]
+    reasons: tuple[str, ...]
+    not_monitored: tuple[str, ...]
+    monitored: tuple[str, ...]  # signals a train may use
+    excluded: tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class Alert:
+    """One change of the published state or its cause."""
+
+    gps_time_ns: int | None
+    mono_ns: int
+    before: State
+    state: State
+    cause: Cause
+    subjects: tuple[str, ...]
+    reasons: tuple[str, ...]
+
+
+Output = EpochReport | HealthReport | Alert

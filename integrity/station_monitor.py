@@ -1,0 +1,225 @@
+"""The main path: events in, decisions out. Read this first.
+
+`StationMonitor.feed(events)` takes what arrived, in order, and returns what was decided, in order. It reads no clock, no file, no
+chance: live and replay call it with the same events and get the same decisions, however the stream is cut into calls.
+
+The way of a block of epochs:
+  1. `assembler`      events become aligned epochs and silences
+  2. `sight`          satellite states, residuals at the surveyed points, sigmas, screening
+  3. `exclusion`      walk A, with memory: which satellites are used in each epoch
+  4. `checks`         positions on those satellites, every statistic, every check
+  5. `_epoch`         walk B, with memory: verdict and health, epoch by epoch, silence by silence
+"""
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from integrity.assembler import AlignedEpoch, Assembler, AssemblerState, SilentTick
+from integrity.checks import BlockChecks, check
+from integrity.config import SiteConfig
+from integrity.events import Event
+from integrity.exclusion import Exclusion, Table, Walk, walk
+from integrity.gnss.ephemeris import Ephemeris, EphemerisStore
+from integrity.gnss.observations import Bools
+from integrity.gnss.positioning import points_at
+from integrity.health import Health, after_epoch, after_silence
+from integrity.limits import derive
+from integrity.monitors.triangles import named_receiver, swapped_receivers
+from integrity.outputs import Alert, EpochReport, HealthReport, Output
+from integrity.sight import Sight, observe
+from integrity.states import Cause, State
+from integrity.stream_memory import StreamMemory, StreamStatistics, advance
+from integrity.triangle import reference_triangle
+from integrity.verdict import CLEAN, Evidence, Verdict, clean_epochs, full_verdict, triangle_verdict
+
+MOST_EPOCHS_PER_BLOCK = 1024
+
+
+@dataclass(frozen=True, eq=False)
+class Snapshot:
+    """Everything a monitor remembers. A new monitor that starts from it decides exactly as the old one would have."""
+
+    streams: StreamMemory
+    assembler: AssemblerState = field(default_factory=AssemblerState)
+    ephemerides: tuple[Ephemeris, ...] = ()
+    exclusions: tuple[Exclusion, ...] = ()
+    health: Health = field(default_factory=Health)
+    sequence: int = 0
+
+
+@dataclass(frozen=True, eq=False)
+class _Decided:
+    """A block after step 4: with the satellites in use (`full`), and with all of them, which is what the triangle alone goes by.
+
+    `clean`, `clean_alone` (E,): epochs without a failing check; `named` (E, R): the receiver that the naming rule names.
+    """
+
+    sight: Sight
+    streams: StreamStatistics
+    walked: Walk
+    full: BlockChecks
+    alone: BlockChecks
+    clean: Bools
+    clean_alone: Bools
+    named: Bools
+
+
+class StationMonitor:
+    """Decides for one site. `snapshot()` may be taken between any two calls of `feed`."""
+
+    def __init__(self, site: SiteConfig, snapshot: Snapshot | None = None) -> None:
+        start = snapshot or Snapshot(StreamMemory.empty(len(site.receivers)))
+        self.site = site
+        self.triangle = reference_triangle(site)
+        self.limits = derive(site, self.triangle)
+        self._points = points_at(self.triangle.pos_ecef_m)
+        self._store = EphemerisStore(start.ephemerides)
+        self._assembler = Assembler(site.receiver_names, site.epoch_interval_ns, self.limits, start.assembler, self._store)
+        self._exclusions: Table = {x.satellite: x for x in start.exclusions}
+        self._health = start.health
+        self._sequence = start.sequence
+        self._streams = start.streams
+
+    def feed(self, events: Iterable[Event]) -> list[Output]:
+        """Decide what the events complete."""
+        if self._assembler.last_epoch_ns is not None:
+            self._store.forget_before(self._assembler.last_epoch_ns)
+        outputs: list[Output] = []
+        run: list[AlignedEpoch] = []
+        for item in self._assembler.take(events):
+            if run and (isinstance(item, SilentTick) or item.klobuchar != run[0].klobuchar or len(run) == MOST_EPOCHS_PER_BLOCK):
+                outputs += self._block(run)
+                run = []
+            if isinstance(item, SilentTick):
+                outputs += self._silence(item)
+            else:
+                run.append(item)
+        return outputs + self._block(run) if run else outputs
+
+    @property
+    def next_deadline_ns(self) -> int | None:
+        """Monotonic time after which the shell should send a tick, so that a silent stream is noticed."""
+        return self._assembler.deadline_ns
+
+    @property
+    def dropped(self) -> dict[str, int]:
+        """Rows per receiver that were not aligned."""
+        return {r: self._assembler.dropped[r] for r in self.site.receiver_names}
+
+    def snapshot(self) -> Snapshot:
+        """The whole state, as values."""
+        return Snapshot(
+            streams=self._streams,
+            assembler=self._assembler.state(),
+            ephemerides=tuple(self._store.ephemerides),
+            exclusions=tuple(self._exclusions.values()),
+            health=self._health,
+            sequence=self._sequence,
+        )
+
+    def _block(self, epochs: Sequence[AlignedEpoch]) -> list[Output]:
+        remembered = self._streams.signals_since(epochs[0].epoch_ns - self.limits.remember_satellite_ns)
+        sight = observe(epochs, self._store, self._points, self.site, self.limits, remembered)
+        self._streams, streams = advance(self._streams, sight.block, sight.at_points.el_rad, sight.healthy, self.limits)
+        walked = self._walk(sight)
+        self._exclusions = walked.table
+
+        screened = sight.satellites.screened
+        alone = check(sight, screened, streams, self._points, self.triangle, self.site, self.limits)
+        same = np.array_equal(walked.used, screened)
+        full = alone if same else check(sight, walked.used, streams, self._points, self.triangle, self.site, self.limits)
+        clean, clean_alone = clean_epochs(full.checks, "full"), clean_epochs(alone.checks, "triangle")
+        decided = _Decided(sight, streams, walked, full, alone, clean, clean_alone, named_receiver(full.triangle, self.limits))
+        return [output for e, epoch in enumerate(epochs) for output in self._epoch(decided, e, epoch)]
+
+    def _walk(self, sight: Sight) -> Walk:
+        if self.site.integrity.rule == "triangle":
+            return Walk(sight.satellites.screened, [{}] * len(sight.block.epoch_ns), {})
+        return walk(self._exclusions, sight.satellites, sight.block.satellites, sight.block.epoch_ns, self.limits)
+
+    def _epoch(self, decided: _Decided, e: int, epoch: AlignedEpoch) -> list[Output]:
+        exclusions = tuple(sorted(decided.walked.tables[e].values(), key=lambda x: x.satellite))
+        alone = CLEAN if decided.clean_alone[e] else triangle_verdict(decided.alone.checks, e)
+        verdict = alone if self.site.integrity.rule == "triangle" else self._verdict(decided, e, exclusions)
+        before, self._health = self._health, after_epoch(self._health, verdict, epoch.epoch_ns, self.limits)
+        full = decided.full
+        report = EpochReport(
+            gps_time_ns=epoch.epoch_ns,
+            mono_ns=epoch.mono_ns,
+            state=self._health.state,
+            cause=self._health.cause,
+            subjects=self._health.subjects,
+            verdict=verdict,
+            triangle_alone=alone.state,
+            exclusions=exclusions,
+            receivers=self.site.receiver_names,
+            e_enu_m=full.solution.e_enu_m[e],
+            satellites_used=full.solution.n_used[e],
+            check_names=full.checks.names,
+            statistic=full.checks.statistic[e],
+            threshold=full.checks.threshold,
+            outcome=full.checks.outcome[e],
+            signals=decided.sight.block.signals,
+            used=full.used[e],
+            residual_sigmas=full.residual_sigmas[e],
+            b_m=full.b_m[e],
+        )
+        monitored = tuple(s for s, used in zip(report.signals, report.used, strict=True) if used)
+        health = self._health_report(epoch.epoch_ns, epoch.mono_ns, verdict.reasons, report.not_monitored, monitored, report.excluded)
+        return [report, health, *self._alerts(before, epoch.epoch_ns, epoch.mono_ns, verdict.reasons)]
+
+    def _verdict(self, decided: _Decided, e: int, exclusions: tuple[Exclusion, ...]) -> Verdict:
+        if decided.clean[e] and not exclusions:
+            return CLEAN
+        full, limits = decided.full, self.limits
+        evidence = Evidence(
+            receivers=self.site.receiver_names,
+            repeating=decided.streams.repeating[e],
+            named=decided.named[e],
+            collapsed=bool(full.triangle.collapse_fit[e] <= limits.collapse_fit),
+            exclusions=exclusions,
+            enough_without_exclusion=bool(decided.alone.solution.n_used[e].min() >= limits.min_common_satellites),
+            swapped=swapped_receivers(full.solution.e_enu_m[e], self.triangle, limits),
+        )
+        return full_verdict(full.checks, e, evidence, self.site.integrity.on_satellite_fault)
+
+    def _silence(self, silent: SilentTick) -> list[Output]:
+        why = f"silent: {', '.join(silent.receivers)}" if silent.receivers else "the receivers send, but share no epoch"
+        verdict = Verdict(State.NOT_CONFIRMABLE, Cause.DATA, silent.receivers, reasons=(why,))
+        before, self._health = self._health, after_silence(self._health, verdict)
+        gps_ns, mono_ns = self._assembler.last_epoch_ns, silent.tick.mono_ns
+        health = self._health_report(gps_ns, mono_ns, verdict.reasons, (), (), tuple(sorted(self._exclusions)))
+        return [health, *self._alerts(before, gps_ns, mono_ns, verdict.reasons)]
+
+    def _health_report(
+        self,
+        gps_ns: int | None,
+        mono_ns: int,
+        reasons: tuple[str, ...],
+        not_monitored: tuple[str, ...],
+        monitored: tuple[str, ...],
+        excluded: tuple[str, ...],
+    ) -> HealthReport:
+        self._sequence += 1
+        now = self._health
+        return HealthReport(
+            sequence=self._sequence,
+            gps_time_ns=gps_ns,
+            issued_mono_ns=mono_ns,
+            valid_for_ms=self.site.valid_for_ms,
+            state=now.state,
+            cause=now.cause,
+            subjects=now.subjects,
+            reasons=reasons,
+            not_monitored=not_monitored,
+            monitored=monitored,
+            excluded=excluded,
+        )
+
+    def _alerts(self, before: Health, gps_ns: int | None, mono_ns: int, reasons: tuple[str, ...]) -> list[Alert]:
+        now = self._health
+        if (before.state, before.cause, before.subjects) == (now.state, now.cause, now.subjects):
+            return []
+        return [Alert(gps_ns, mono_ns, before.state, now.state, now.cause, now.subjects, reasons)]

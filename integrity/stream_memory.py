@@ -1,0 +1,75 @@
+"""What is remembered of every receiver's signals from epoch to epoch: when seen last, last range, usual strength."""
+
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+
+from integrity.gnss.observations import Bools, Floats, Ints, ObservationBlock, freeze
+from integrity.limits import Limits
+from integrity.monitors.streams import cn0_drop_db, last_seen, lost_share, repeating_receivers
+
+
+class StreamStatistics(NamedTuple):
+    """Of a block, each (E, R): receivers that repeat themselves, drop of C/N0 in dB, share of expected signals lost."""
+
+    repeating: Bools
+    cn0_drop_db: Floats
+    lost_share: Floats
+
+
+@dataclass(frozen=True, eq=False)
+class StreamMemory:
+    """Arrays (R, S) by `signals`: GPS time when seen last (0: never), last pseudorange, C/N0 baseline; `epoch_ns` of the last epoch."""
+
+    signals: tuple[str, ...]
+    epoch_ns: int
+    last_seen_ns: Ints
+    pseudorange_m: Floats
+    cn0_baseline_dbhz: Floats
+
+    def __post_init__(self) -> None:
+        freeze(self)
+
+    @staticmethod
+    def empty(n_receivers: int) -> "StreamMemory":
+        """Before the first epoch."""
+        shape = (n_receivers, 0)
+        return StreamMemory((), 0, np.zeros(shape, dtype=np.int64), np.zeros(shape), np.zeros(shape))
+
+    def signals_since(self, gps_ns: int) -> tuple[str, ...]:
+        """Signals that some receiver saw at or after a GPS time."""
+        recent = (self.last_seen_ns >= gps_ns).any(axis=0)
+        return tuple(s for s, keep in zip(self.signals, recent, strict=True) if keep)
+
+    def on(self, signals: tuple[str, ...]) -> "StreamMemory":
+        """The same memory for another list of signals: new ones were never seen, those not listed are forgotten."""
+        column = {s: i for i, s in enumerate(self.signals)}
+        source = np.array([column.get(s, -1) for s in signals], dtype=np.int64)
+
+        def rearranged(values: Floats | Ints, absent: float) -> Floats | Ints:
+            padded = np.concatenate((values, np.full((values.shape[0], 1), absent, dtype=values.dtype)), axis=1)
+            return padded[:, source]
+
+        return StreamMemory(
+            signals,
+            self.epoch_ns,
+            rearranged(self.last_seen_ns, 0).astype(np.int64),
+            rearranged(self.pseudorange_m, np.nan),
+            rearranged(self.cn0_baseline_dbhz, np.nan),
+        )
+
+
+def advance(
+    memory: StreamMemory, block: ObservationBlock, el_rad: Floats, healthy: Bools, limits: Limits
+) -> tuple[StreamMemory, StreamStatistics]:
+    """The memory after a block, and what the streams show in it; `el_rad` (E, R, S), `healthy` (E, S)."""
+    before = memory.on(block.signals)
+    seen = np.isfinite(block.pseudorange_m)
+    seen_ns = last_seen(seen, block.epoch_ns, before.last_seen_ns)
+    recent = seen_ns[:-1] >= block.epoch_ns[:, None, None] - limits.remember_satellite_ns
+    expected = recent & (el_rad >= limits.loss_elevation_rad) & healthy[:, None, :]
+    drop_db, baseline = cn0_drop_db(block.cn0_dbhz, block.epoch_ns, before.cn0_baseline_dbhz, before.epoch_ns)
+    after = StreamMemory(block.signals, int(block.epoch_ns[-1]), np.array(seen_ns[-1]), np.array(block.pseudorange_m[-1]), baseline)
+    repeating = repeating_receivers(block.pseudorange_m, before.pseudorange_m)
+    return after, StreamStatistics(repeating, drop_db, lost_share(seen, expected))
