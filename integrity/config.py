@@ -40,7 +40,7 @@ class IntegrityConfig:
     sigma_range_differential_low_m: float = 0.2
     correlation_common_s: float = 3000.0
     correlation_differential_s: float = 30.0
-    elevation_mask_deg: float = 10.0
+    elevation_mask_deg: float = 5.0
     recover_after_s: float = 30.0
 
 

@@ -9,6 +9,10 @@ Theory of operation. A satellite is IN (not in the table) or OUT (one `Exclusion
     OUT, residual fails                       stays OUT, the count of clean epochs starts again
     OUT, residual passes                      stays OUT and is counted clean; comes back IN with the epoch that makes the count
                                               `recover_epochs` over at least `recover_after_ns`
+
+A channel is one satellite at one receiver. One whose B-value fails while the satellite's residual passes is that receiver's own
+trouble with that satellite (multipath, mostly). Nobody is blamed: the satellite is left out of the common set of this epoch, without
+memory. At most one channel per receiver: more of them are a fault of the receiver, and the B-value check fails (section 2.3, MRCC).
 """
 
 from collections.abc import Mapping
@@ -64,32 +68,52 @@ class SatelliteInputs(NamedTuple):
         return seen_by_all(known.normalised), normalised_b_values(known.residual_m, self.sigma_differential_m)
 
 
+@dataclass(frozen=True)
+class Channel:
+    """A satellite left out of one epoch because one receiver measures it differently: the B-value in sigmas, and its threshold."""
+
+    receiver: str
+    satellite: str
+    statistic: float
+    threshold: float
+
+
 class Walk(NamedTuple):
-    """What the walk through a block decided: satellites `used` (E, S), the table after each epoch, and after the last."""
+    """What the walk through a block decided: satellites `used` (E, S); per epoch the table after it, and the channels left out."""
 
     used: Bools
     tables: list[Table]
+    channels: list[tuple[Channel, ...]]
     table: Table
 
 
-def walk(table: Table, inputs: SatelliteInputs, satellites: tuple[str, ...], epoch_ns: Ints, limits: Limits) -> Walk:
+def walk(
+    table: Table, inputs: SatelliteInputs, receivers: tuple[str, ...], satellites: tuple[str, ...], epoch_ns: Ints, limits: Limits
+) -> Walk:
     """Screening with memory: for each epoch of the block, which satellites are used. Epochs without a suspect cost nothing."""
-    statistic, _ = inputs.statistics(inputs.screened)
-    quiet = worst(statistic, inputs.screened) <= limits["residual"]
+    statistic, b = inputs.statistics(inputs.screened)
+    quiet = (worst(statistic, inputs.screened) <= limits["residual"]) & (worst(np.abs(b).max(axis=1), inputs.screened) <= limits["b_value"])
     used = np.array(inputs.screened)
     tables: list[Table] = []
+    channels: list[tuple[Channel, ...]] = []
     for e in range(len(epoch_ns)):
+        left_out: tuple[Channel, ...] = ()
         if table or not quiet[e]:
-            used[e], table = _epoch(table, inputs.epoch(e), satellites, int(epoch_ns[e]), limits)
+            used[e], table, left_out = _epoch(table, inputs.epoch(e), receivers, satellites, int(epoch_ns[e]), limits)
         tables.append(table)
-    return Walk(used, tables, table)
+        channels.append(left_out)
+    return Walk(used, tables, channels, table)
 
 
-def _epoch(table: Table, inputs: SatelliteInputs, satellites: tuple[str, ...], gps_ns: int, limits: Limits) -> tuple[Bools, Table]:
+def _epoch(
+    table: Table, inputs: SatelliteInputs, receivers: tuple[str, ...], satellites: tuple[str, ...], gps_ns: int, limits: Limits
+) -> tuple[Bools, Table, tuple[Channel, ...]]:
     out = np.array([s in table for s in satellites])
     used = inputs.screened & ~out
+    left_out = _failing_channels(inputs, used, receivers, satellites, limits)
+    used = used & ~np.isin(satellites, [c.satellite for c in left_out])
     newly = _failing_satellites(inputs, used, satellites, gps_ns, limits)
-    used = used & ~np.array([s in newly for s in satellites])
+    used = used & ~np.isin(satellites, list(newly))
     statistic, _ = inputs.statistics(used)
     after: dict[str, Exclusion] = {}
     for satellite, exclusion in table.items():
@@ -98,7 +122,27 @@ def _epoch(table: Table, inputs: SatelliteInputs, satellites: tuple[str, ...], g
         if kept is not None:
             after[satellite] = kept
     after |= newly
-    return used[0], after
+    return used[0], after, left_out
+
+
+def _failing_channels(
+    inputs: SatelliteInputs, used: Bools, receivers: tuple[str, ...], satellites: tuple[str, ...], limits: Limits
+) -> tuple[Channel, ...]:
+    """The worst B-value first, clocks estimated again after each; nothing unless one channel per receiver explains all."""
+    channels: list[Channel] = []
+    for _ in range(len(receivers)):
+        statistic, b = inputs.statistics(used)
+        sizes = np.where(used[0] & np.isfinite(b[0]), np.abs(b[0]), -np.inf)
+        if sizes.max(initial=-np.inf) <= limits["b_value"]:
+            return tuple(channels)
+        r, s = divmod(int(np.argmax(sizes)), len(satellites))
+        own_trouble = statistic[0, s] <= limits["residual"] and receivers[r] not in {c.receiver for c in channels}
+        if not own_trouble or used.sum() <= limits.min_common_satellites:
+            return ()
+        channels.append(Channel(receivers[r], satellites[s], float(sizes[r, s]), limits["b_value"]))
+        used = used & ~np.isin(satellites, [satellites[s]])
+    statistic, b = inputs.statistics(used)
+    return tuple(channels) if worst(np.abs(b).max(axis=1), used)[0] <= limits["b_value"] else ()
 
 
 def _watched(exclusion: Exclusion, clean: bool, gps_ns: int, limits: Limits) -> Exclusion | None:
@@ -136,6 +180,6 @@ def _failing_satellites(
             return {}
         satellite = satellites[suspect]
         failing[satellite] = Exclusion(satellite, gps_ns, "residual", float(statistic[0, suspect]), limits["residual"])
-        used = used & ~np.array([s == satellite for s in satellites])
+        used = used & ~np.isin(satellites, [satellite])
     statistic, _ = inputs.statistics(used)
     return failing if worst(statistic, used)[0] <= limits["residual"] else {}

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from integrity.exclusion import Exclusion
+from integrity.exclusion import Channel, Exclusion
 from integrity.gnss.observations import Bools, Floats, Ints, freeze
 from integrity.states import Cause, Outcome, State
 from integrity.verdict import Verdict
@@ -13,7 +13,8 @@ from integrity.verdict import Verdict
 
 @dataclass(frozen=True, eq=False)
 class EpochReport:
-    """The record of why. `state, cause, subjects` are what is published after this epoch; `verdict` is of this epoch alone.
+    """The record of why. `state, cause, subjects` are what is published after this epoch; `verdict` is of this epoch alone;
+    `exclusions` are the satellites that are out, `channels` what was left out of this epoch without blame.
 
     Per receiver: `e_enu_m` (R, 3), solved minus surveyed, NaN where unsolved; `satellites_used` (R,). Per check: `statistic`,
     `threshold`, `outcome` (C,). Per signal: `used` (S,), `residual_sigmas` (S,), `b_m` (R, S).
@@ -27,6 +28,7 @@ class EpochReport:
     verdict: Verdict
     triangle_alone: State
     exclusions: tuple[Exclusion, ...]
+    channels: tuple[Channel, ...]
     receivers: tuple[str, ...]
     e_enu_m: Floats
     satellites_used: Ints

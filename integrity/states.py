@@ -28,7 +28,7 @@ class Cause(StrEnum):
     AMBIGUOUS = "ambiguous"
 
 
-STATE_OF_CAUSE = {
+STATE_OF_CAUSE: dict[Cause, State] = {
     cause: State.SATELLITE_ANOMALY
     if cause in (Cause.SATELLITE, Cause.CONSTELLATION, Cause.SPOOFING, Cause.JAMMING)
     else State.NOT_CONFIRMABLE

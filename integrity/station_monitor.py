@@ -136,8 +136,9 @@ class StationMonitor:
 
     def _walk(self, sight: Sight) -> Walk:
         if self.site.integrity.rule == "triangle":
-            return Walk(sight.satellites.screened, [{}] * len(sight.block.epoch_ns), {})
-        return walk(self._exclusions, sight.satellites, sight.block.satellites, sight.block.epoch_ns, self.limits)
+            n = len(sight.block.epoch_ns)
+            return Walk(sight.satellites.screened, [{}] * n, [()] * n, {})
+        return walk(self._exclusions, sight.satellites, sight.block.receivers, sight.block.satellites, sight.block.epoch_ns, self.limits)
 
     def _epoch(self, decided: _Decided, e: int, epoch: AlignedEpoch) -> list[Output]:
         exclusions = tuple(sorted(decided.walked.tables[e].values(), key=lambda x: x.satellite))
@@ -154,6 +155,7 @@ class StationMonitor:
             verdict=verdict,
             triangle_alone=alone.state,
             exclusions=exclusions,
+            channels=decided.walked.channels[e],
             receivers=self.site.receiver_names,
             e_enu_m=full.solution.e_enu_m[e],
             satellites_used=full.solution.n_used[e],
@@ -167,8 +169,10 @@ class StationMonitor:
             b_m=full.b_m[e],
         )
         monitored = tuple(s for s, used in zip(report.signals, report.used, strict=True) if used)
-        health = self._health_report(epoch.epoch_ns, epoch.mono_ns, verdict.reasons, report.not_monitored, monitored, report.excluded)
-        return [report, health, *self._alerts(before, epoch.epoch_ns, epoch.mono_ns, verdict.reasons)]
+        left_out = tuple(f"{c.satellite} left out: {c.receiver} differs, B {c.statistic:.3g} > {c.threshold:.3g}" for c in report.channels)
+        reasons = verdict.reasons + left_out
+        health = self._health_report(epoch.epoch_ns, epoch.mono_ns, reasons, report.not_monitored, monitored, report.excluded)
+        return [report, health, *self._alerts(before, epoch.epoch_ns, epoch.mono_ns, reasons)]
 
     def _verdict(self, decided: _Decided, e: int, exclusions: tuple[Exclusion, ...]) -> Verdict:
         if decided.clean[e] and not exclusions:

@@ -39,24 +39,20 @@ class StreamMemory:
 
     def signals_since(self, gps_ns: int) -> tuple[str, ...]:
         """Signals that some receiver saw at or after a GPS time."""
-        recent = (self.last_seen_ns >= gps_ns).any(axis=0)
+        recent: Bools = np.any(self.last_seen_ns >= gps_ns, axis=0)
         return tuple(s for s, keep in zip(self.signals, recent, strict=True) if keep)
 
     def on(self, signals: tuple[str, ...]) -> "StreamMemory":
         """The same memory for another list of signals: new ones were never seen, those not listed are forgotten."""
         column = {s: i for i, s in enumerate(self.signals)}
-        source = np.array([column.get(s, -1) for s in signals], dtype=np.int64)
-
-        def rearranged(values: Floats | Ints, absent: float) -> Floats | Ints:
-            padded = np.concatenate((values, np.full((values.shape[0], 1), absent, dtype=values.dtype)), axis=1)
-            return padded[:, source]
-
+        source = [column.get(s, -1) for s in signals]  # -1: the extra last column, "never"
+        n = len(self.last_seen_ns)
         return StreamMemory(
             signals,
             self.epoch_ns,
-            rearranged(self.last_seen_ns, 0).astype(np.int64),
-            rearranged(self.pseudorange_m, np.nan),
-            rearranged(self.cn0_baseline_dbhz, np.nan),
+            np.hstack((self.last_seen_ns, np.zeros((n, 1), dtype=np.int64)))[:, source],
+            np.hstack((self.pseudorange_m, np.full((n, 1), np.nan)))[:, source],
+            np.hstack((self.cn0_baseline_dbhz, np.full((n, 1), np.nan)))[:, source],
         )
 
 

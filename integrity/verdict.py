@@ -64,7 +64,7 @@ def judge(statistics: Mapping[str, Floats], limits: Limits) -> Checks:
     statistic = np.stack([statistics[name] for name in names], axis=-1)
     threshold = np.array([t.value for t in limits.thresholds])
     absent = np.array([Outcome.UNKNOWN if t.required else Outcome.NOT_MONITORED for t in limits.thresholds])
-    passed = statistic <= threshold
+    passed = np.asarray(statistic <= threshold)
     outcome = np.where(passed, Outcome.PASS, np.where(np.isnan(statistic), absent, Outcome.FAIL))
     return Checks(names, statistic, threshold, outcome)
 
@@ -78,8 +78,8 @@ def considered(names: tuple[str, ...], rule: Rule) -> Bools:
 
 def clean_epochs(checks: Checks, rule: Rule) -> Bools:
     """Epochs (E,) without a FAIL or UNKNOWN among the checks of the rule."""
-    bad = (checks.outcome >= Outcome.UNKNOWN) & considered(checks.names, rule)
-    result: Bools = ~bad.any(axis=-1)
+    fine = (checks.outcome < Outcome.UNKNOWN) | ~considered(checks.names, rule)
+    result: Bools = fine.all(axis=-1)
     return result
 
 

@@ -47,15 +47,23 @@ def klobuchar_delay_m(tow_s: Floats, lat_rad: Floats, lon_rad: Floats, az_rad: F
 def saastamoinen_delay_m(lat_rad: Floats, height_m: Floats, el_rad: Floats, relative_humidity: float = 0.7) -> Floats:
     """Tropospheric delay in metres, positive, to be subtracted from a pseudorange; shape of el_rad.
 
-    Standard atmosphere (15 deg C and 1013.25 hPa at sea level, -6.5 K/km); valid for heights of -100 to 10,000 m (others are
-    clipped) and elevations above about 5 deg, where 1 / sin el is within 3 % of a mapping function; zenith delay good to 0.1 m.
-    Source: Saastamoinen 1972; standard atmosphere and form as in the RTKLIB 2.4.2 manual, equations E.5.1 to E.5.4.
+    Zenith delay of Saastamoinen in a standard atmosphere (15 deg C and 1013.25 hPa at sea level, -6.5 K/km), good to 0.1 m; heights
+    outside 0 to 10,000 m are clipped. Sources: Saastamoinen 1972; standard atmosphere as in the RTKLIB 2.4.2 manual, E.5.1 to E.5.4.
     """
-    h = np.clip(height_m, -100.0, 10_000.0)
-    pressure_hpa = 1013.25 * (1.0 - 2.2557e-5 * np.maximum(h, 0.0)) ** 5.2568
-    temperature_k = 15.0 - 6.5e-3 * np.maximum(h, 0.0) + 273.16
+    h = np.clip(height_m, 0.0, 10_000.0)
+    pressure_hpa = 1013.25 * (1.0 - 2.2557e-5 * h) ** 5.2568
+    temperature_k = 15.0 - 6.5e-3 * h + 273.16
     vapour_hpa = 6.108 * relative_humidity * np.exp((17.15 * temperature_k - 4684.0) / (temperature_k - 38.45))
     hydrostatic_m = 0.0022768 * pressure_hpa / (1.0 - 0.00266 * np.cos(2.0 * lat_rad) - 0.00028 * h / 1e3)
     wet_m = 0.002277 * (1255.0 / temperature_k + 0.05) * vapour_hpa
-    delay_m: Floats = (hydrostatic_m + wet_m) / np.sin(el_rad)
+    delay_m: Floats = (hydrostatic_m + wet_m) * troposphere_mapping(el_rad)
     return delay_m
+
+
+def troposphere_mapping(el_rad: Floats) -> Floats:
+    """Slant over zenith delay, for elevations from 5 deg up; within 1 % of Niell's there, where 1 / sin el is 13 % too large.
+
+    Source: Black and Eisner 1984, in the form of RTCA DO-229, A.4.2.4.
+    """
+    mapping: Floats = 1.001 / np.sqrt(0.002001 + np.sin(el_rad) ** 2)
+    return mapping

@@ -3,8 +3,10 @@
 `Ephemeris` is one broadcast set; `EphemerisStore` keeps those that have arrived and chooses; `satellite_states` evaluates.
 """
 
+from bisect import bisect_left, bisect_right
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, fields
+from math import cos, sin, sqrt
 from typing import NamedTuple
 
 import numpy as np
@@ -16,10 +18,10 @@ from integrity.gnss.constants import (
     GPS_MU_M3PS2,
     GPS_RELATIVITY_SPSQRTM,
 )
-from integrity.gnss.gps_time import NS_PER_S, WEEK_S
+from integrity.gnss.gps_time import NS_PER_S, WEEK_NS
 from integrity.gnss.observations import Bools, Floats, Ints, freeze
 
-KEPLER_ITERATIONS = 3  # Newton from E = M + e sin M: below 1e-14 rad for e < 0.1
+KEPLER_ITERATIONS = 2  # Newton from E = M + e sin M: below 1e-14 rad for e < 0.1
 
 
 @dataclass(frozen=True)
@@ -75,30 +77,33 @@ class Ephemeris:
 
 
 class Parameters(NamedTuple):
-    """The numbers of several ephemerides side by side, each of shape (n,), or gathered to (E, S)."""
+    """Ephemerides side by side: what is broadcast, and what follows from it alone; each of shape (n,), or gathered to (E, S)."""
 
-    sqrt_a: Floats
     e: Floats
-    i0: Floats
-    omega0: Floats
-    omega: Floats
     m0: Floats
-    delta_n: Floats
     i_dot: Floats
-    omega_dot: Floats
     cuc: Floats
     cus: Floats
     crc: Floats
     crs: Floats
     cic: Floats
     cis: Floats
-    af0: Floats
+    af0: Floats  # group delay taken out
     af1: Floats
     af2: Floats
-    group_delay_s: Floats
+    A: Floats
+    n: Floats
+    root: Floats  # sqrt(1 - e^2)
+    sin_w: Floats
+    cos_w: Floats
+    sin_i0: Floats
+    cos_i0: Floats
+    Omega_toe: Floats  # of the node in ECEF at toe
+    Omega_dot: Floats
     mu: Floats
-    relativity: Floats
-    toe_sow_s: Floats
+    F_e_sqrt_a: Floats
+    toe_s: Floats  # since the first ephemeris' toe
+    toc_s: Floats
 
 
 @dataclass(frozen=True, eq=False)
@@ -120,15 +125,26 @@ class SatelliteStates:
         freeze(self)
 
 
-def parameters_of(ephemerides: Sequence[Ephemeris]) -> Parameters:
-    """Ephemerides as columns, a row of NaN appended: index -1 is "none"."""
-    broadcast = Parameters._fields[:-3]
-    table = np.full((len(Parameters._fields), len(ephemerides) + 1), np.nan)
-    for i, eph in enumerate(ephemerides):
-        galileo = eph.satellite[0] == "E"
-        system = (GALILEO_MU_M3PS2, GALILEO_RELATIVITY_SPSQRTM) if galileo else (GPS_MU_M3PS2, GPS_RELATIVITY_SPSQRTM)
-        table[:, i] = [*(getattr(eph, name) for name in broadcast), *system, eph.toe_ns // NS_PER_S % WEEK_S]
-    return Parameters(*table)
+def parameters_of(ephemerides: Sequence[Ephemeris], origin_ns: int) -> Parameters:
+    """Ephemerides as columns, times in seconds from `origin_ns`; a row of NaN is appended, so that index -1 is "none"."""
+    rows = [_parameters(eph, origin_ns) for eph in ephemerides]
+    return Parameters(*np.array([*rows, (np.nan,) * len(Parameters._fields)]).T)
+
+
+def _parameters(eph: Ephemeris, origin_ns: int) -> tuple[float, ...]:
+    """In the order of `Parameters`."""
+    galileo = eph.satellite[0] == "E"
+    mu, F = (GALILEO_MU_M3PS2, GALILEO_RELATIVITY_SPSQRTM) if galileo else (GPS_MU_M3PS2, GPS_RELATIVITY_SPSQRTM)
+    A = eph.sqrt_a**2
+    return (
+        *(eph.e, eph.m0, eph.i_dot, eph.cuc, eph.cus, eph.crc, eph.crs, eph.cic, eph.cis),
+        *(eph.af0 - eph.group_delay_s, eph.af1, eph.af2),
+        *(A, sqrt(mu / A**3) + eph.delta_n, sqrt(1.0 - eph.e**2)),
+        *(sin(eph.omega), cos(eph.omega), sin(eph.i0), cos(eph.i0)),
+        *(eph.omega0 - EARTH_ROTATION_RADPS * (eph.toe_ns % WEEK_NS / NS_PER_S), eph.omega_dot - EARTH_ROTATION_RADPS),
+        *(mu, F * eph.e * eph.sqrt_a),
+        *((eph.toe_ns - origin_ns) / NS_PER_S, (eph.toc_ns - origin_ns) / NS_PER_S),
+    )
 
 
 def satellite_states(ephemerides: Sequence[Ephemeris], index: Ints, t_ns: Ints) -> SatelliteStates:
@@ -137,65 +153,63 @@ def satellite_states(ephemerides: Sequence[Ephemeris], index: Ints, t_ns: Ints) 
     Accuracy: the broadcast model itself, evaluated to better than 1 mm and 1e-12 s; the acceleration is that of a point-mass Earth
     (good to 1e-4 m/s2: 0.01 mm over 0.5 s). Source: IS-GPS-200, table 20-IV and 20.3.3.3.3.1; Galileo OS SIS ICD, 5.1.1.
     """
-    toe_ns = np.array([eph.toe_ns for eph in ephemerides] + [0])
-    toc_ns = np.array([eph.toc_ns for eph in ephemerides] + [0])
-    p = Parameters(*(column[index] for column in parameters_of(ephemerides)))
-    t_k = (t_ns[:, None] - toe_ns[index]) / NS_PER_S
+    origin_ns = int(t_ns[0])
+    t_s = ((t_ns - origin_ns) / NS_PER_S)[:, None]
+    p = Parameters(*(column.take(index, mode="wrap") for column in parameters_of(ephemerides, origin_ns)))
 
-    A = p.sqrt_a**2
-    n = np.sqrt(p.mu) / (A * p.sqrt_a) + p.delta_n
-    M_k = p.m0 + n * t_k
+    t_k = t_s - p.toe_s
+    M_k = p.m0 + p.n * t_k
     E_k = M_k + p.e * np.sin(M_k)
-    for _ in range(KEPLER_ITERATIONS - 1):
-        E_k = E_k - (E_k - p.e * np.sin(E_k) - M_k) / (1.0 - p.e * np.cos(E_k))
     sin_E, cos_E = np.sin(E_k), np.cos(E_k)
+    for _ in range(KEPLER_ITERATIONS):
+        step = (M_k - E_k + p.e * sin_E) / (1.0 - p.e * cos_E)
+        E_k = E_k + step
+        sin_E, cos_E = _turned(sin_E, cos_E, step)
     q = 1.0 - p.e * cos_E
-    E_dot = n / q
+    E_dot = p.n / q
 
     # Argument of latitude Phi_k = nu_k + omega by its sine and cosine; nu_k from E_k without an arctangent.
-    root = np.sqrt(1.0 - p.e**2)
-    sin_nu, cos_nu = root * sin_E / q, (cos_E - p.e) / q
-    sin_w, cos_w = np.sin(p.omega), np.cos(p.omega)
-    sin_Phi, cos_Phi = sin_nu * cos_w + cos_nu * sin_w, cos_nu * cos_w - sin_nu * sin_w
-    sin_2Phi, cos_2Phi = 2.0 * sin_Phi * cos_Phi, cos_Phi**2 - sin_Phi**2
-    Phi_dot = E_dot * root / q
+    sin_nu, cos_nu = p.root * sin_E / q, (cos_E - p.e) / q
+    sin_Phi, cos_Phi = sin_nu * p.cos_w + cos_nu * p.sin_w, cos_nu * p.cos_w - sin_nu * p.sin_w
+    sin_2Phi, cos_2Phi = 2.0 * sin_Phi * cos_Phi, cos_Phi * cos_Phi - sin_Phi * sin_Phi
+    Phi_dot = E_dot * p.root / q
 
-    du = p.cus * sin_2Phi + p.cuc * cos_2Phi
-    r_k = A * q + p.crs * sin_2Phi + p.crc * cos_2Phi
-    i_k = p.i0 + p.i_dot * t_k + p.cis * sin_2Phi + p.cic * cos_2Phi
-    sin_du, cos_du = du * (1.0 - du**2 / 6.0), 1.0 - du**2 / 2.0  # |du| < 1e-4: below 1e-16
-    sin_u, cos_u = sin_Phi * cos_du + cos_Phi * sin_du, cos_Phi * cos_du - sin_Phi * sin_du
+    r_k = p.A * q + p.crs * sin_2Phi + p.crc * cos_2Phi
+    sin_u, cos_u = _turned(sin_Phi, cos_Phi, p.cus * sin_2Phi + p.cuc * cos_2Phi)
+    sin_i, cos_i = _turned(p.sin_i0, p.cos_i0, p.i_dot * t_k + p.cis * sin_2Phi + p.cic * cos_2Phi)
     u_dot = Phi_dot * (1.0 + 2.0 * (p.cus * cos_2Phi - p.cuc * sin_2Phi))
-    r_dot = A * p.e * sin_E * E_dot + 2.0 * Phi_dot * (p.crs * cos_2Phi - p.crc * sin_2Phi)
+    r_dot = p.A * p.e * sin_E * E_dot + 2.0 * Phi_dot * (p.crs * cos_2Phi - p.crc * sin_2Phi)
     i_dot = p.i_dot + 2.0 * Phi_dot * (p.cis * cos_2Phi - p.cic * sin_2Phi)
 
     x_orb, y_orb = r_k * cos_u, r_k * sin_u
     x_orb_dot, y_orb_dot = r_dot * cos_u - y_orb * u_dot, r_dot * sin_u + x_orb * u_dot
-    Omega_k = p.omega0 + (p.omega_dot - EARTH_ROTATION_RADPS) * t_k - EARTH_ROTATION_RADPS * p.toe_sow_s
-    Omega_dot = p.omega_dot - EARTH_ROTATION_RADPS
-    sin_O, cos_O, sin_i, cos_i = np.sin(Omega_k), np.cos(Omega_k), np.sin(i_k), np.cos(i_k)
-    x, y, z = x_orb * cos_O - y_orb * cos_i * sin_O, x_orb * sin_O + y_orb * cos_i * cos_O, y_orb * sin_i
-    tilt = y_orb_dot * cos_i - y_orb * sin_i * i_dot
-    vx = x_orb_dot * cos_O - tilt * sin_O - y * Omega_dot
-    vy = x_orb_dot * sin_O + tilt * cos_O + x * Omega_dot
-    vz = y_orb_dot * sin_i + y_orb * cos_i * i_dot
+    Omega_k = p.Omega_toe + p.Omega_dot * t_k
+    sin_O, cos_O = np.sin(Omega_k), np.cos(Omega_k)
+    y_level, tilt = y_orb * cos_i, y_orb_dot * cos_i - y_orb * sin_i * i_dot
+    pos, vel, acc = (np.empty((3, *index.shape)) for _ in range(3))
+    pos[0], pos[1], pos[2] = x_orb * cos_O - y_level * sin_O, x_orb * sin_O + y_level * cos_O, y_orb * sin_i
+    vel[0] = x_orb_dot * cos_O - tilt * sin_O - pos[1] * p.Omega_dot
+    vel[1] = x_orb_dot * sin_O + tilt * cos_O + pos[0] * p.Omega_dot
+    vel[2] = y_orb_dot * sin_i + y_level * i_dot
 
     gravity = -p.mu / (r_k * r_k * r_k)
     spin = EARTH_ROTATION_RADPS
-    ax = (gravity + spin**2) * x + 2.0 * spin * vy
-    ay = (gravity + spin**2) * y - 2.0 * spin * vx
+    acc[0] = (gravity + spin * spin) * pos[0] + 2.0 * spin * vel[1]
+    acc[1] = (gravity + spin * spin) * pos[1] - 2.0 * spin * vel[0]
+    acc[2] = gravity * pos[2]
 
-    t_c = (t_ns[:, None] - toc_ns[index]) / NS_PER_S
-    clock_s = p.af0 + t_c * (p.af1 + t_c * p.af2) + p.relativity * p.e * p.sqrt_a * sin_E - p.group_delay_s
-    clock_drift_sps = p.af1 + 2.0 * p.af2 * t_c + p.relativity * p.e * p.sqrt_a * cos_E * E_dot
-    return SatelliteStates(
-        t_ns=t_ns,
-        pos_ecef_m=np.stack((x, y, z)),
-        vel_ecef_mps=np.stack((vx, vy, vz)),
-        acc_ecef_mps2=np.stack((ax, ay, gravity * z)),
-        clock_s=clock_s,
-        clock_drift_sps=clock_drift_sps,
-    )
+    t_c = t_s - p.toc_s
+    clock_s = p.af0 + t_c * (p.af1 + t_c * p.af2) + p.F_e_sqrt_a * sin_E
+    clock_drift_sps = p.af1 + 2.0 * p.af2 * t_c + p.F_e_sqrt_a * cos_E * E_dot
+    return SatelliteStates(t_ns, pos, vel, acc, clock_s, clock_drift_sps)
+
+
+def _turned(sine: Floats, cosine: Floats, angle: Floats) -> tuple[Floats, Floats]:
+    """Sine and cosine of an angle that is larger by a small `angle`, to 1e-15 for up to 0.02 rad, without trigonometry."""
+    square = angle * angle
+    sin_d = angle * (1.0 - square / 6.0 * (1.0 - square / 20.0))
+    cos_d = 1.0 - square / 2.0 * (1.0 - square / 12.0 * (1.0 - square / 30.0))
+    return sine * cos_d + cosine * sin_d, cosine * cos_d - sine * sin_d
 
 
 class EphemerisStore:
@@ -227,19 +241,23 @@ class EphemerisStore:
 
     def choose(self, satellites: Sequence[str], epoch_ns: Ints, arrived: Ints) -> Ints:
         """Index (E, S) into `ephemerides`, -1 for none; `arrived` (E,) is how many had arrived when each epoch was complete."""
+        best_last = sorted(
+            range(len(self._arrived)),
+            key=lambda k: (self._arrived[k].satellite, self._arrived[k].transmission_ns, self._arrived[k].toe_ns, self._arrived[k].issue),
+        )
+        toe_ns = np.array([self._arrived[k].toe_ns for k in best_last], dtype=np.int64)
+        half_ns = np.array([self._arrived[k].fit_half_s * NS_PER_S for k in best_last], dtype=np.int64)
+        number = np.array(best_last, dtype=np.int64)
+        serves = (np.abs(epoch_ns[:, None] - toe_ns) <= half_ns) & (arrived[:, None] > number)
+
+        names = [self._arrived[k].satellite for k in best_last]
         index = np.full((len(epoch_ns), len(satellites)), -1, dtype=np.int64)
-        of_satellite: dict[str, list[int]] = {}
-        for k, eph in enumerate(self._arrived):
-            of_satellite.setdefault(eph.satellite, []).append(k)
         for s, satellite in enumerate(satellites):
-            worst_first = sorted(
-                of_satellite.get(satellite, ()),
-                key=lambda k: (self._arrived[k].transmission_ns, self._arrived[k].toe_ns, self._arrived[k].issue),
-            )
-            for k in worst_first:
-                eph = self._arrived[k]
-                serves = (arrived > k) & (np.abs(epoch_ns - eph.toe_ns) <= eph.fit_half_s * NS_PER_S)
-                index[serves, s] = k
+            first, end = bisect_left(names, satellite), bisect_right(names, satellite)
+            if first < end:
+                of_satellite = serves[:, first:end]
+                last = end - 1 - of_satellite[:, ::-1].argmax(axis=1)
+                index[:, s] = np.where(of_satellite.any(axis=1), number[last], -1)
         return index
 
 

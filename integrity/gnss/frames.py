@@ -13,7 +13,7 @@ def geodetic_from_ecef(pos_ecef_m: Floats) -> tuple[Floats, Floats, Floats]:
     """
     x, y, z = np.moveaxis(np.array(pos_ecef_m, dtype=np.float64), -1, 0)
     lat, lon, height = pymap3d.ecef2geodetic(x, y, z, deg=False)
-    return np.asarray(lat), np.asarray(lon), np.asarray(height)
+    return np.reshape(lat, x.shape), np.reshape(lon, x.shape), np.reshape(height, x.shape)  # pymap3d squeezes single epochs
 
 
 def ecef_from_geodetic(lat_rad: float, lon_rad: float, height_m: float) -> Floats:

@@ -65,16 +65,15 @@ class Prefit:
 class Solution:
     """Displacements from the points: `e_enu_m` and, in order of `SYSTEMS`, `clock_m`; (E, R, 3) and (E, R, K); NaN where unsolved.
 
-    `cofactor` (E, R, 3, 3) is (H' W H)^-1 of the position, in m2 when sigmas are in m; `pdop`, `hdop`, `vdop` (E, R) are for equal weights;
-    `redundancy` (E, R, S) is 1 - h_ii of each satellite used; `why` (E, R) holds `Unsolved`.
+    `cov_enu_m2` (E, R, 3, 3) is the covariance of the position when the sigmas are right, m2; `hdop`, `vdop` (E, R) are for equal weights;
+    `why` (E, R) holds `Unsolved`.
     """
 
     e_enu_m: Floats
     clock_m: Floats
-    cofactor: Floats
+    cov_enu_m2: Floats
     hdop: Floats
     vdop: Floats
-    redundancy: Floats
     n_used: Ints
     why: Ints
 
@@ -185,14 +184,12 @@ def solve(residual_m: Floats, los_enu: Floats, sigma_m: Floats, used: Bools, sys
     e[unsolved] = np.nan
     clock = y_mean + (u_mean * np.moveaxis(e, -1, 0)[..., None]).sum(axis=0)
     clock[count == 0] = np.nan
-    leverage = w * ((du * np.stack([(C[i][..., None] * du).sum(axis=0) for i in range(3)])).sum(axis=0) + 1.0 / safe[..., system_of])
     return Solution(
         e_enu_m=e,
         clock_m=clock,
-        cofactor=np.where(unsolved[..., None, None], np.nan, np.moveaxis(C, (0, 1), (-2, -1))),
+        cov_enu_m2=np.where(unsolved[..., None, None], np.nan, np.moveaxis(C, (0, 1), (-2, -1))),
         hdop=np.where(unsolved, np.nan, hdop),
         vdop=np.where(unsolved, np.nan, vdop),
-        redundancy=np.where(used & ~unsolved[..., None], 1.0 - leverage, np.nan),
         n_used=n_used,
         why=why,
     )
@@ -285,7 +282,7 @@ def _symmetric(a: Floats, b: Floats | None) -> Floats:
 
 
 def _inverse(N: Floats) -> tuple[Floats, Floats]:
-    """Inverse (3, 3, ...) and determinant (...) of symmetric matrices by cofactors; NaN where the determinant is not positive."""
+    """Inverse (3, 3, ...) and determinant (...) of symmetric matrices by cov_enu_m2s; NaN where the determinant is not positive."""
     C = np.empty_like(N)
     C[0, 0] = N[1, 1] * N[2, 2] - N[1, 2] * N[1, 2]
     C[0, 1] = C[1, 0] = N[0, 2] * N[1, 2] - N[0, 1] * N[2, 2]

@@ -6,8 +6,8 @@ A satellite is `G05` (system letter and number, as in RINEX 3). A signal is sate
 SYSTEMS = ("G", "E")  # in the order of their clocks in every solution: GPS, Galileo
 SYSTEM_NAMES = {"G": "GPS", "E": "Galileo"}
 
-# One signal per satellite is used; of several that all receivers track, the first in this order.
-L1_CODES = {"G": ("1C", "1W", "1P"), "E": ("1C", "1X", "1B")}
+# Civil L1 codes. One signal per satellite is used; of several that all receivers track, the first in this order.
+L1_CODES = {"G": ("1C",), "E": ("1C", "1X", "1B")}
 
 
 def satellite_of(signal: str) -> str:

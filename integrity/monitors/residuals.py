@@ -55,7 +55,8 @@ def b_values_m(residual_m: Floats) -> Floats:
     A bias b of one of three receivers shows as b / 3. Source: section 2.3 (GBAS).
     """
     n = residual_m.shape[1]
-    return (residual_m - residual_m.mean(axis=1, keepdims=True)) / (n - 1)
+    b_m: Floats = (residual_m - residual_m.mean(axis=1, keepdims=True)) / (n - 1)
+    return b_m
 
 
 def normalised_b_values(residual_m: Floats, sigma_differential_m: Floats) -> Floats:

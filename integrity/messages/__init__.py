@@ -1,0 +1,1 @@
+"""The contract in bytes: `wayside.proto`, its generated module, and the conversion to and from the core's own types."""

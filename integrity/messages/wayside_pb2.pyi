@@ -1,0 +1,393 @@
+from google.protobuf.internal import containers as _containers
+from google.protobuf.internal import enum_type_wrapper as _enum_type_wrapper
+from google.protobuf import descriptor as _descriptor
+from google.protobuf import message as _message
+from typing import ClassVar as _ClassVar, Iterable as _Iterable, Mapping as _Mapping, Optional as _Optional, Union as _Union
+
+AMBIGUOUS: Cause
+CAUSE_UNSPECIFIED: Cause
+CLOCK: Cause
+CONSTELLATION: Cause
+DATA: Cause
+DESCRIPTOR: _descriptor.FileDescriptor
+FAIL: Outcome
+JAMMING: Cause
+MAINTENANCE: Cause
+NORMAL: State
+NOT_CONFIRMABLE: State
+NOT_MONITORED: Outcome
+NOT_READY: Cause
+OUTCOME_UNSPECIFIED: Outcome
+PASS: Outcome
+RECEIVER: Cause
+SATELLITE: Cause
+SATELLITE_ANOMALY: State
+SELF_TEST: Cause
+SPOOFING: Cause
+STATE_UNSPECIFIED: State
+UNKNOWN: Outcome
+
+class Alert(_message.Message):
+    __slots__ = ["before", "cause", "gps_time_ns", "mono_ns", "reasons", "state", "subjects"]
+    BEFORE_FIELD_NUMBER: _ClassVar[int]
+    CAUSE_FIELD_NUMBER: _ClassVar[int]
+    GPS_TIME_NS_FIELD_NUMBER: _ClassVar[int]
+    MONO_NS_FIELD_NUMBER: _ClassVar[int]
+    REASONS_FIELD_NUMBER: _ClassVar[int]
+    STATE_FIELD_NUMBER: _ClassVar[int]
+    SUBJECTS_FIELD_NUMBER: _ClassVar[int]
+    before: State
+    cause: Cause
+    gps_time_ns: int
+    mono_ns: int
+    reasons: _containers.RepeatedScalarFieldContainer[str]
+    state: State
+    subjects: _containers.RepeatedScalarFieldContainer[str]
+    def __init__(self, gps_time_ns: _Optional[int] = ..., mono_ns: _Optional[int] = ..., before: _Optional[_Union[State, str]] = ..., state: _Optional[_Union[State, str]] = ..., cause: _Optional[_Union[Cause, str]] = ..., subjects: _Optional[_Iterable[str]] = ..., reasons: _Optional[_Iterable[str]] = ...) -> None: ...
+
+class Channel(_message.Message):
+    __slots__ = ["receiver", "satellite", "statistic", "threshold"]
+    RECEIVER_FIELD_NUMBER: _ClassVar[int]
+    SATELLITE_FIELD_NUMBER: _ClassVar[int]
+    STATISTIC_FIELD_NUMBER: _ClassVar[int]
+    THRESHOLD_FIELD_NUMBER: _ClassVar[int]
+    receiver: str
+    satellite: str
+    statistic: float
+    threshold: float
+    def __init__(self, receiver: _Optional[str] = ..., satellite: _Optional[str] = ..., statistic: _Optional[float] = ..., threshold: _Optional[float] = ...) -> None: ...
+
+class Check(_message.Message):
+    __slots__ = ["name", "outcome", "statistic", "threshold"]
+    NAME_FIELD_NUMBER: _ClassVar[int]
+    OUTCOME_FIELD_NUMBER: _ClassVar[int]
+    STATISTIC_FIELD_NUMBER: _ClassVar[int]
+    THRESHOLD_FIELD_NUMBER: _ClassVar[int]
+    name: str
+    outcome: Outcome
+    statistic: float
+    threshold: float
+    def __init__(self, name: _Optional[str] = ..., statistic: _Optional[float] = ..., threshold: _Optional[float] = ..., outcome: _Optional[_Union[Outcome, str]] = ...) -> None: ...
+
+class Ephemeris(_message.Message):
+    __slots__ = ["accuracy_m", "af0", "af1", "af2", "cic", "cis", "crc", "crs", "cuc", "cus", "delta_n", "e", "fit_half_s", "group_delay_s", "healthy", "i0", "i_dot", "issue", "m0", "mono_ns", "omega", "omega0", "omega_dot", "satellite", "sqrt_a", "toc_ns", "toe_ns", "transmission_ns"]
+    ACCURACY_M_FIELD_NUMBER: _ClassVar[int]
+    AF0_FIELD_NUMBER: _ClassVar[int]
+    AF1_FIELD_NUMBER: _ClassVar[int]
+    AF2_FIELD_NUMBER: _ClassVar[int]
+    CIC_FIELD_NUMBER: _ClassVar[int]
+    CIS_FIELD_NUMBER: _ClassVar[int]
+    CRC_FIELD_NUMBER: _ClassVar[int]
+    CRS_FIELD_NUMBER: _ClassVar[int]
+    CUC_FIELD_NUMBER: _ClassVar[int]
+    CUS_FIELD_NUMBER: _ClassVar[int]
+    DELTA_N_FIELD_NUMBER: _ClassVar[int]
+    E_FIELD_NUMBER: _ClassVar[int]
+    FIT_HALF_S_FIELD_NUMBER: _ClassVar[int]
+    GROUP_DELAY_S_FIELD_NUMBER: _ClassVar[int]
+    HEALTHY_FIELD_NUMBER: _ClassVar[int]
+    I0_FIELD_NUMBER: _ClassVar[int]
+    ISSUE_FIELD_NUMBER: _ClassVar[int]
+    I_DOT_FIELD_NUMBER: _ClassVar[int]
+    M0_FIELD_NUMBER: _ClassVar[int]
+    MONO_NS_FIELD_NUMBER: _ClassVar[int]
+    OMEGA0_FIELD_NUMBER: _ClassVar[int]
+    OMEGA_DOT_FIELD_NUMBER: _ClassVar[int]
+    OMEGA_FIELD_NUMBER: _ClassVar[int]
+    SATELLITE_FIELD_NUMBER: _ClassVar[int]
+    SQRT_A_FIELD_NUMBER: _ClassVar[int]
+    TOC_NS_FIELD_NUMBER: _ClassVar[int]
+    TOE_NS_FIELD_NUMBER: _ClassVar[int]
+    TRANSMISSION_NS_FIELD_NUMBER: _ClassVar[int]
+    accuracy_m: float
+    af0: float
+    af1: float
+    af2: float
+    cic: float
+    cis: float
+    crc: float
+    crs: float
+    cuc: float
+    cus: float
+    delta_n: float
+    e: float
+    fit_half_s: float
+    group_delay_s: float
+    healthy: bool
+    i0: float
+    i_dot: float
+    issue: int
+    m0: float
+    mono_ns: int
+    omega: float
+    omega0: float
+    omega_dot: float
+    satellite: str
+    sqrt_a: float
+    toc_ns: int
+    toe_ns: int
+    transmission_ns: int
+    def __init__(self, mono_ns: _Optional[int] = ..., satellite: _Optional[str] = ..., issue: _Optional[int] = ..., healthy: bool = ..., accuracy_m: _Optional[float] = ..., transmission_ns: _Optional[int] = ..., toe_ns: _Optional[int] = ..., toc_ns: _Optional[int] = ..., fit_half_s: _Optional[float] = ..., sqrt_a: _Optional[float] = ..., e: _Optional[float] = ..., i0: _Optional[float] = ..., omega0: _Optional[float] = ..., omega: _Optional[float] = ..., m0: _Optional[float] = ..., delta_n: _Optional[float] = ..., i_dot: _Optional[float] = ..., omega_dot: _Optional[float] = ..., cuc: _Optional[float] = ..., cus: _Optional[float] = ..., crc: _Optional[float] = ..., crs: _Optional[float] = ..., cic: _Optional[float] = ..., cis: _Optional[float] = ..., af0: _Optional[float] = ..., af1: _Optional[float] = ..., af2: _Optional[float] = ..., group_delay_s: _Optional[float] = ...) -> None: ...
+
+class EpochReport(_message.Message):
+    __slots__ = ["cause", "channels", "check", "checks", "exclusions", "gps_time_ns", "mono_ns", "reasons", "residuals", "state", "statistic", "subjects", "threshold", "triangle", "triangle_alone", "verdict_cause", "verdict_state", "verdict_subjects"]
+    CAUSE_FIELD_NUMBER: _ClassVar[int]
+    CHANNELS_FIELD_NUMBER: _ClassVar[int]
+    CHECKS_FIELD_NUMBER: _ClassVar[int]
+    CHECK_FIELD_NUMBER: _ClassVar[int]
+    EXCLUSIONS_FIELD_NUMBER: _ClassVar[int]
+    GPS_TIME_NS_FIELD_NUMBER: _ClassVar[int]
+    MONO_NS_FIELD_NUMBER: _ClassVar[int]
+    REASONS_FIELD_NUMBER: _ClassVar[int]
+    RESIDUALS_FIELD_NUMBER: _ClassVar[int]
+    STATE_FIELD_NUMBER: _ClassVar[int]
+    STATISTIC_FIELD_NUMBER: _ClassVar[int]
+    SUBJECTS_FIELD_NUMBER: _ClassVar[int]
+    THRESHOLD_FIELD_NUMBER: _ClassVar[int]
+    TRIANGLE_ALONE_FIELD_NUMBER: _ClassVar[int]
+    TRIANGLE_FIELD_NUMBER: _ClassVar[int]
+    VERDICT_CAUSE_FIELD_NUMBER: _ClassVar[int]
+    VERDICT_STATE_FIELD_NUMBER: _ClassVar[int]
+    VERDICT_SUBJECTS_FIELD_NUMBER: _ClassVar[int]
+    cause: Cause
+    channels: _containers.RepeatedCompositeFieldContainer[Channel]
+    check: str
+    checks: _containers.RepeatedCompositeFieldContainer[Check]
+    exclusions: _containers.RepeatedCompositeFieldContainer[Exclusion]
+    gps_time_ns: int
+    mono_ns: int
+    reasons: _containers.RepeatedScalarFieldContainer[str]
+    residuals: _containers.RepeatedCompositeFieldContainer[Residual]
+    state: State
+    statistic: float
+    subjects: _containers.RepeatedScalarFieldContainer[str]
+    threshold: float
+    triangle: _containers.RepeatedCompositeFieldContainer[Vertex]
+    triangle_alone: State
+    verdict_cause: Cause
+    verdict_state: State
+    verdict_subjects: _containers.RepeatedScalarFieldContainer[str]
+    def __init__(self, gps_time_ns: _Optional[int] = ..., mono_ns: _Optional[int] = ..., state: _Optional[_Union[State, str]] = ..., cause: _Optional[_Union[Cause, str]] = ..., subjects: _Optional[_Iterable[str]] = ..., verdict_state: _Optional[_Union[State, str]] = ..., verdict_cause: _Optional[_Union[Cause, str]] = ..., verdict_subjects: _Optional[_Iterable[str]] = ..., check: _Optional[str] = ..., statistic: _Optional[float] = ..., threshold: _Optional[float] = ..., reasons: _Optional[_Iterable[str]] = ..., triangle_alone: _Optional[_Union[State, str]] = ..., triangle: _Optional[_Iterable[_Union[Vertex, _Mapping]]] = ..., checks: _Optional[_Iterable[_Union[Check, _Mapping]]] = ..., residuals: _Optional[_Iterable[_Union[Residual, _Mapping]]] = ..., exclusions: _Optional[_Iterable[_Union[Exclusion, _Mapping]]] = ..., channels: _Optional[_Iterable[_Union[Channel, _Mapping]]] = ...) -> None: ...
+
+class Exclusion(_message.Message):
+    __slots__ = ["check", "clean_epochs", "clean_since_ns", "satellite", "since_ns", "statistic", "threshold"]
+    CHECK_FIELD_NUMBER: _ClassVar[int]
+    CLEAN_EPOCHS_FIELD_NUMBER: _ClassVar[int]
+    CLEAN_SINCE_NS_FIELD_NUMBER: _ClassVar[int]
+    SATELLITE_FIELD_NUMBER: _ClassVar[int]
+    SINCE_NS_FIELD_NUMBER: _ClassVar[int]
+    STATISTIC_FIELD_NUMBER: _ClassVar[int]
+    THRESHOLD_FIELD_NUMBER: _ClassVar[int]
+    check: str
+    clean_epochs: int
+    clean_since_ns: int
+    satellite: str
+    since_ns: int
+    statistic: float
+    threshold: float
+    def __init__(self, satellite: _Optional[str] = ..., since_ns: _Optional[int] = ..., check: _Optional[str] = ..., statistic: _Optional[float] = ..., threshold: _Optional[float] = ..., clean_since_ns: _Optional[int] = ..., clean_epochs: _Optional[int] = ...) -> None: ...
+
+class Health(_message.Message):
+    __slots__ = ["cause", "config_sha256", "excluded_satellites", "gps_time_ns", "issued_mono_ns", "monitored", "not_monitored", "reasons", "sequence", "site", "software", "state", "subjects", "utc_ns", "valid_for_ms"]
+    CAUSE_FIELD_NUMBER: _ClassVar[int]
+    CONFIG_SHA256_FIELD_NUMBER: _ClassVar[int]
+    EXCLUDED_SATELLITES_FIELD_NUMBER: _ClassVar[int]
+    GPS_TIME_NS_FIELD_NUMBER: _ClassVar[int]
+    ISSUED_MONO_NS_FIELD_NUMBER: _ClassVar[int]
+    MONITORED_FIELD_NUMBER: _ClassVar[int]
+    NOT_MONITORED_FIELD_NUMBER: _ClassVar[int]
+    REASONS_FIELD_NUMBER: _ClassVar[int]
+    SEQUENCE_FIELD_NUMBER: _ClassVar[int]
+    SITE_FIELD_NUMBER: _ClassVar[int]
+    SOFTWARE_FIELD_NUMBER: _ClassVar[int]
+    STATE_FIELD_NUMBER: _ClassVar[int]
+    SUBJECTS_FIELD_NUMBER: _ClassVar[int]
+    UTC_NS_FIELD_NUMBER: _ClassVar[int]
+    VALID_FOR_MS_FIELD_NUMBER: _ClassVar[int]
+    cause: Cause
+    config_sha256: str
+    excluded_satellites: _containers.RepeatedScalarFieldContainer[str]
+    gps_time_ns: int
+    issued_mono_ns: int
+    monitored: _containers.RepeatedScalarFieldContainer[str]
+    not_monitored: _containers.RepeatedScalarFieldContainer[str]
+    reasons: _containers.RepeatedScalarFieldContainer[str]
+    sequence: int
+    site: str
+    software: str
+    state: State
+    subjects: _containers.RepeatedScalarFieldContainer[str]
+    utc_ns: int
+    valid_for_ms: int
+    def __init__(self, site: _Optional[str] = ..., sequence: _Optional[int] = ..., gps_time_ns: _Optional[int] = ..., utc_ns: _Optional[int] = ..., issued_mono_ns: _Optional[int] = ..., valid_for_ms: _Optional[int] = ..., state: _Optional[_Union[State, str]] = ..., cause: _Optional[_Union[Cause, str]] = ..., subjects: _Optional[_Iterable[str]] = ..., reasons: _Optional[_Iterable[str]] = ..., not_monitored: _Optional[_Iterable[str]] = ..., monitored: _Optional[_Iterable[str]] = ..., excluded_satellites: _Optional[_Iterable[str]] = ..., config_sha256: _Optional[str] = ..., software: _Optional[str] = ...) -> None: ...
+
+class Ionosphere(_message.Message):
+    __slots__ = ["alpha", "beta", "mono_ns"]
+    ALPHA_FIELD_NUMBER: _ClassVar[int]
+    BETA_FIELD_NUMBER: _ClassVar[int]
+    MONO_NS_FIELD_NUMBER: _ClassVar[int]
+    alpha: _containers.RepeatedScalarFieldContainer[float]
+    beta: _containers.RepeatedScalarFieldContainer[float]
+    mono_ns: int
+    def __init__(self, mono_ns: _Optional[int] = ..., alpha: _Optional[_Iterable[float]] = ..., beta: _Optional[_Iterable[float]] = ...) -> None: ...
+
+class Observations(_message.Message):
+    __slots__ = ["carrier_cycles", "cn0_dbhz", "doppler_hz", "half_cycle", "lock_s", "mono_ns", "pseudorange_m", "receive_time_ns", "receiver", "signal", "slip"]
+    CARRIER_CYCLES_FIELD_NUMBER: _ClassVar[int]
+    CN0_DBHZ_FIELD_NUMBER: _ClassVar[int]
+    DOPPLER_HZ_FIELD_NUMBER: _ClassVar[int]
+    HALF_CYCLE_FIELD_NUMBER: _ClassVar[int]
+    LOCK_S_FIELD_NUMBER: _ClassVar[int]
+    MONO_NS_FIELD_NUMBER: _ClassVar[int]
+    PSEUDORANGE_M_FIELD_NUMBER: _ClassVar[int]
+    RECEIVER_FIELD_NUMBER: _ClassVar[int]
+    RECEIVE_TIME_NS_FIELD_NUMBER: _ClassVar[int]
+    SIGNAL_FIELD_NUMBER: _ClassVar[int]
+    SLIP_FIELD_NUMBER: _ClassVar[int]
+    carrier_cycles: _containers.RepeatedScalarFieldContainer[float]
+    cn0_dbhz: _containers.RepeatedScalarFieldContainer[float]
+    doppler_hz: _containers.RepeatedScalarFieldContainer[float]
+    half_cycle: _containers.RepeatedScalarFieldContainer[bool]
+    lock_s: _containers.RepeatedScalarFieldContainer[float]
+    mono_ns: int
+    pseudorange_m: _containers.RepeatedScalarFieldContainer[float]
+    receive_time_ns: int
+    receiver: str
+    signal: _containers.RepeatedScalarFieldContainer[str]
+    slip: _containers.RepeatedScalarFieldContainer[bool]
+    def __init__(self, receiver: _Optional[str] = ..., mono_ns: _Optional[int] = ..., receive_time_ns: _Optional[int] = ..., signal: _Optional[_Iterable[str]] = ..., pseudorange_m: _Optional[_Iterable[float]] = ..., carrier_cycles: _Optional[_Iterable[float]] = ..., doppler_hz: _Optional[_Iterable[float]] = ..., cn0_dbhz: _Optional[_Iterable[float]] = ..., lock_s: _Optional[_Iterable[float]] = ..., slip: _Optional[_Iterable[bool]] = ..., half_cycle: _Optional[_Iterable[bool]] = ...) -> None: ...
+
+class PendingEpoch(_message.Message):
+    __slots__ = ["epoch_ns", "rows"]
+    EPOCH_NS_FIELD_NUMBER: _ClassVar[int]
+    ROWS_FIELD_NUMBER: _ClassVar[int]
+    epoch_ns: int
+    rows: _containers.RepeatedCompositeFieldContainer[Observations]
+    def __init__(self, epoch_ns: _Optional[int] = ..., rows: _Optional[_Iterable[_Union[Observations, _Mapping]]] = ...) -> None: ...
+
+class Residual(_message.Message):
+    __slots__ = ["b_m", "sigmas", "signal", "used"]
+    B_M_FIELD_NUMBER: _ClassVar[int]
+    SIGMAS_FIELD_NUMBER: _ClassVar[int]
+    SIGNAL_FIELD_NUMBER: _ClassVar[int]
+    USED_FIELD_NUMBER: _ClassVar[int]
+    b_m: _containers.RepeatedScalarFieldContainer[float]
+    sigmas: float
+    signal: str
+    used: bool
+    def __init__(self, signal: _Optional[str] = ..., used: bool = ..., sigmas: _Optional[float] = ..., b_m: _Optional[_Iterable[float]] = ...) -> None: ...
+
+class Snapshot(_message.Message):
+    __slots__ = ["aligned_ns", "cause", "clean_epochs", "clean_since_ns", "dropped", "ephemerides", "exclusions", "heard_ns", "ionosphere", "last_epoch_ns", "mono_ns", "pending", "receiver", "refused_ephemerides", "sequence", "signal", "state", "streams", "streams_epoch_ns", "subjects"]
+    class DroppedEntry(_message.Message):
+        __slots__ = ["key", "value"]
+        KEY_FIELD_NUMBER: _ClassVar[int]
+        VALUE_FIELD_NUMBER: _ClassVar[int]
+        key: str
+        value: int
+        def __init__(self, key: _Optional[str] = ..., value: _Optional[int] = ...) -> None: ...
+    class HeardNsEntry(_message.Message):
+        __slots__ = ["key", "value"]
+        KEY_FIELD_NUMBER: _ClassVar[int]
+        VALUE_FIELD_NUMBER: _ClassVar[int]
+        key: str
+        value: int
+        def __init__(self, key: _Optional[str] = ..., value: _Optional[int] = ...) -> None: ...
+    ALIGNED_NS_FIELD_NUMBER: _ClassVar[int]
+    CAUSE_FIELD_NUMBER: _ClassVar[int]
+    CLEAN_EPOCHS_FIELD_NUMBER: _ClassVar[int]
+    CLEAN_SINCE_NS_FIELD_NUMBER: _ClassVar[int]
+    DROPPED_FIELD_NUMBER: _ClassVar[int]
+    EPHEMERIDES_FIELD_NUMBER: _ClassVar[int]
+    EXCLUSIONS_FIELD_NUMBER: _ClassVar[int]
+    HEARD_NS_FIELD_NUMBER: _ClassVar[int]
+    IONOSPHERE_FIELD_NUMBER: _ClassVar[int]
+    LAST_EPOCH_NS_FIELD_NUMBER: _ClassVar[int]
+    MONO_NS_FIELD_NUMBER: _ClassVar[int]
+    PENDING_FIELD_NUMBER: _ClassVar[int]
+    RECEIVER_FIELD_NUMBER: _ClassVar[int]
+    REFUSED_EPHEMERIDES_FIELD_NUMBER: _ClassVar[int]
+    SEQUENCE_FIELD_NUMBER: _ClassVar[int]
+    SIGNAL_FIELD_NUMBER: _ClassVar[int]
+    STATE_FIELD_NUMBER: _ClassVar[int]
+    STREAMS_EPOCH_NS_FIELD_NUMBER: _ClassVar[int]
+    STREAMS_FIELD_NUMBER: _ClassVar[int]
+    SUBJECTS_FIELD_NUMBER: _ClassVar[int]
+    aligned_ns: int
+    cause: Cause
+    clean_epochs: int
+    clean_since_ns: int
+    dropped: _containers.ScalarMap[str, int]
+    ephemerides: _containers.RepeatedCompositeFieldContainer[Ephemeris]
+    exclusions: _containers.RepeatedCompositeFieldContainer[Exclusion]
+    heard_ns: _containers.ScalarMap[str, int]
+    ionosphere: Ionosphere
+    last_epoch_ns: int
+    mono_ns: int
+    pending: _containers.RepeatedCompositeFieldContainer[PendingEpoch]
+    receiver: _containers.RepeatedScalarFieldContainer[str]
+    refused_ephemerides: int
+    sequence: int
+    signal: _containers.RepeatedScalarFieldContainer[str]
+    state: State
+    streams: _containers.RepeatedCompositeFieldContainer[StreamMemory]
+    streams_epoch_ns: int
+    subjects: _containers.RepeatedScalarFieldContainer[str]
+    def __init__(self, mono_ns: _Optional[int] = ..., receiver: _Optional[_Iterable[str]] = ..., signal: _Optional[_Iterable[str]] = ..., streams_epoch_ns: _Optional[int] = ..., streams: _Optional[_Iterable[_Union[StreamMemory, _Mapping]]] = ..., pending: _Optional[_Iterable[_Union[PendingEpoch, _Mapping]]] = ..., last_epoch_ns: _Optional[int] = ..., heard_ns: _Optional[_Mapping[str, int]] = ..., aligned_ns: _Optional[int] = ..., dropped: _Optional[_Mapping[str, int]] = ..., refused_ephemerides: _Optional[int] = ..., ionosphere: _Optional[_Union[Ionosphere, _Mapping]] = ..., ephemerides: _Optional[_Iterable[_Union[Ephemeris, _Mapping]]] = ..., exclusions: _Optional[_Iterable[_Union[Exclusion, _Mapping]]] = ..., state: _Optional[_Union[State, str]] = ..., cause: _Optional[_Union[Cause, str]] = ..., subjects: _Optional[_Iterable[str]] = ..., clean_since_ns: _Optional[int] = ..., clean_epochs: _Optional[int] = ..., sequence: _Optional[int] = ...) -> None: ...
+
+class Started(_message.Message):
+    __slots__ = ["config_sha256", "gps_time_ns", "site", "site_toml", "software"]
+    CONFIG_SHA256_FIELD_NUMBER: _ClassVar[int]
+    GPS_TIME_NS_FIELD_NUMBER: _ClassVar[int]
+    SITE_FIELD_NUMBER: _ClassVar[int]
+    SITE_TOML_FIELD_NUMBER: _ClassVar[int]
+    SOFTWARE_FIELD_NUMBER: _ClassVar[int]
+    config_sha256: str
+    gps_time_ns: int
+    site: str
+    site_toml: str
+    software: str
+    def __init__(self, site: _Optional[str] = ..., software: _Optional[str] = ..., config_sha256: _Optional[str] = ..., site_toml: _Optional[str] = ..., gps_time_ns: _Optional[int] = ...) -> None: ...
+
+class StreamMemory(_message.Message):
+    __slots__ = ["cn0_baseline_dbhz", "last_seen_ns", "pseudorange_m"]
+    CN0_BASELINE_DBHZ_FIELD_NUMBER: _ClassVar[int]
+    LAST_SEEN_NS_FIELD_NUMBER: _ClassVar[int]
+    PSEUDORANGE_M_FIELD_NUMBER: _ClassVar[int]
+    cn0_baseline_dbhz: _containers.RepeatedScalarFieldContainer[float]
+    last_seen_ns: _containers.RepeatedScalarFieldContainer[int]
+    pseudorange_m: _containers.RepeatedScalarFieldContainer[float]
+    def __init__(self, last_seen_ns: _Optional[_Iterable[int]] = ..., pseudorange_m: _Optional[_Iterable[float]] = ..., cn0_baseline_dbhz: _Optional[_Iterable[float]] = ...) -> None: ...
+
+class Tick(_message.Message):
+    __slots__ = ["mono_ns", "utc_ns", "utc_uncertainty_ns"]
+    MONO_NS_FIELD_NUMBER: _ClassVar[int]
+    UTC_NS_FIELD_NUMBER: _ClassVar[int]
+    UTC_UNCERTAINTY_NS_FIELD_NUMBER: _ClassVar[int]
+    mono_ns: int
+    utc_ns: int
+    utc_uncertainty_ns: int
+    def __init__(self, mono_ns: _Optional[int] = ..., utc_ns: _Optional[int] = ..., utc_uncertainty_ns: _Optional[int] = ...) -> None: ...
+
+class Vertex(_message.Message):
+    __slots__ = ["east_m", "north_m", "receiver", "satellites", "up_m"]
+    EAST_M_FIELD_NUMBER: _ClassVar[int]
+    NORTH_M_FIELD_NUMBER: _ClassVar[int]
+    RECEIVER_FIELD_NUMBER: _ClassVar[int]
+    SATELLITES_FIELD_NUMBER: _ClassVar[int]
+    UP_M_FIELD_NUMBER: _ClassVar[int]
+    east_m: float
+    north_m: float
+    receiver: str
+    satellites: int
+    up_m: float
+    def __init__(self, receiver: _Optional[str] = ..., east_m: _Optional[float] = ..., north_m: _Optional[float] = ..., up_m: _Optional[float] = ..., satellites: _Optional[int] = ...) -> None: ...
+
+class State(int, metaclass=_enum_type_wrapper.EnumTypeWrapper):
+    __slots__ = []
+
+class Cause(int, metaclass=_enum_type_wrapper.EnumTypeWrapper):
+    __slots__ = []
+
+class Outcome(int, metaclass=_enum_type_wrapper.EnumTypeWrapper):
+    __slots__ = []
