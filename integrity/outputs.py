@@ -61,7 +61,7 @@ class HealthReport:
 
     sequence: int
     gps_time_ns: int | None
-    issued_mono_ns: int
+    mono_ns: int
     valid_for_ms: int
     state: State
     cause: Cause

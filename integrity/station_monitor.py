@@ -211,7 +211,7 @@ class StationMonitor:
         return HealthReport(
             sequence=self._sequence,
             gps_time_ns=gps_ns,
-            issued_mono_ns=mono_ns,
+            mono_ns=mono_ns,
             valid_for_ms=self.site.valid_for_ms,
             state=now.state,
             cause=now.cause,

@@ -79,7 +79,7 @@ def considered(names: tuple[str, ...], rule: Rule) -> Bools:
 def clean_epochs(checks: Checks, rule: Rule) -> Bools:
     """Epochs (E,) without a FAIL or UNKNOWN among the checks of the rule."""
     fine = (checks.outcome < Outcome.UNKNOWN) | ~considered(checks.names, rule)
-    result: Bools = fine.all(axis=-1)
+    result: Bools = np.all(fine, axis=-1)
     return result
 
 

@@ -6,6 +6,7 @@ What does not line up is dropped and counted. The host's monotonic clock of an i
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 
 from integrity.assembler import nominal_epoch_ns
 from integrity.config import SiteConfig
@@ -55,9 +56,8 @@ def import_files(
 
     epochs = sorted(set.intersection(*(set(by_epoch) for by_epoch in rows.values())))
     if not epochs:
-        raise DecodeError(
-            f"no epoch is common to all receivers at the site's interval of {site.epoch_interval_ns / NS_PER_S:g} s: {_spans(observations, site)}"
-        )
+        interval_s = site.epoch_interval_ns / NS_PER_S
+        raise DecodeError(f"no epoch is common to all receivers at the site's interval of {interval_s:g} s: {_spans(observations, site)}")
     for receiver, by_epoch in rows.items():
         dropped[receiver]["no partner in the other receivers"] += len(by_epoch) - len(epochs)
 
@@ -96,10 +96,12 @@ def _navigation_events(navigation: Sequence[NavigationFile], first_ns: int, last
             f"no ephemeris serves the epochs {format_utc(first_ns)} to {format_utc(last_ns)}: the navigation files cover {span}; "
             "give the navigation file of that day with --nav"
         )
-    events: list[tuple[int, Event]] = [
-        (first_ns, IonosphereReceived(first_ns, file.klobuchar)) for file in navigation[:] if file.klobuchar is not None
-    ][:1]
-    return events + [(t := max(eph.transmission_ns, first_ns), EphemerisReceived(t, eph)) for eph in serving]
+    klobuchar = next((file.klobuchar for file in navigation if file.klobuchar is not None), None)
+    events: list[tuple[int, Event]] = [] if klobuchar is None else [(first_ns, IonosphereReceived(first_ns, klobuchar))]
+    for eph in serving:
+        arrival_ns = max(eph.transmission_ns, first_ns)
+        events.append((arrival_ns, EphemerisReceived(arrival_ns, eph)))
+    return events
 
 
 def _merged(
@@ -134,7 +136,7 @@ def _spans(observations: Mapping[str, Sequence[ObservationFile]], site: SiteConf
         if not times:
             parts.append(f"{receiver} has no epochs")
             continue
-        steps = sorted(b - a for a, b in zip(times, times[1:], strict=False) if b > a)
+        steps = sorted(b - a for a, b in pairwise(times) if b > a)
         every = f" every {steps[len(steps) // 2] / NS_PER_S:g} s" if steps else ""
         parts.append(f"{receiver} has {len(times)} from {format_utc(times[0])} to {format_utc(times[-1])}{every}")
     return "; ".join(parts)

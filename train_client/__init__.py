@@ -1,0 +1,1 @@
+"""The client on board: takes the ground's verdict and gates its own positioning. Its parts come with the train."""

@@ -1,0 +1,115 @@
+"""Decisions to messages. What is not a number is left out: absent, never NaN."""
+
+import math
+
+import numpy as np
+from google.protobuf.message import Message
+
+from integrity.config import SiteConfig
+from integrity.exclusion import Exclusion
+from integrity.gnss.gps_time import utc_from_gps
+from integrity.messages import wayside_pb2 as pb
+from integrity.outputs import Alert, EpochReport, HealthReport, Output
+from integrity.states import Cause, Outcome, State
+
+STATES = {State.NORMAL: pb.NORMAL, State.SATELLITE_ANOMALY: pb.SATELLITE_ANOMALY, State.NOT_CONFIRMABLE: pb.NOT_CONFIRMABLE}
+CAUSES = {cause: pb.CAUSE_UNSPECIFIED if cause is Cause.NONE else getattr(pb, cause.name) for cause in Cause}
+OUTCOMES = {Outcome.PASS: pb.PASS, Outcome.NOT_MONITORED: pb.NOT_MONITORED, Outcome.UNKNOWN: pb.UNKNOWN, Outcome.FAIL: pb.FAIL}
+
+
+def encode_output(output: Output, site: SiteConfig, software: str) -> Message:
+    """The message that publishes or records an output."""
+    match output:
+        case EpochReport():
+            return encode_report(output)
+        case HealthReport():
+            return encode_health(output, site, software)
+        case Alert():
+            return pb.Alert(
+                gps_time_ns=output.gps_time_ns,
+                mono_ns=output.mono_ns,
+                before=STATES[output.before],
+                state=STATES[output.state],
+                cause=CAUSES[output.cause],
+                subjects=output.subjects,
+                reasons=output.reasons,
+            )
+
+
+def encode_health(health: HealthReport, site: SiteConfig, software: str) -> pb.Health:
+    """Health of one epoch or heartbeat."""
+    return pb.Health(
+        site=site.site_id,
+        sequence=health.sequence,
+        gps_time_ns=health.gps_time_ns,
+        utc_ns=None if health.gps_time_ns is None else utc_from_gps(health.gps_time_ns),
+        issued_mono_ns=health.mono_ns,
+        valid_for_ms=health.valid_for_ms,
+        state=STATES[health.state],
+        cause=CAUSES[health.cause],
+        subjects=health.subjects,
+        reasons=health.reasons,
+        not_monitored=health.not_monitored,
+        monitored=health.monitored,
+        excluded_satellites=health.excluded,
+        config_sha256=site.config_sha256,
+        software=software,
+    )
+
+
+def encode_report(report: EpochReport) -> pb.EpochReport:
+    """The record of why."""
+    verdict = report.verdict
+    message = pb.EpochReport(
+        gps_time_ns=report.gps_time_ns,
+        mono_ns=report.mono_ns,
+        state=STATES[report.state],
+        cause=CAUSES[report.cause],
+        subjects=report.subjects,
+        verdict_state=STATES[verdict.state],
+        verdict_cause=CAUSES[verdict.cause],
+        verdict_subjects=verdict.subjects,
+        check=verdict.check,
+        statistic=_number(verdict.statistic),
+        threshold=_number(verdict.threshold),
+        reasons=verdict.reasons,
+        triangle_alone=STATES[report.triangle_alone],
+        exclusions=[encode_exclusion(x) for x in report.exclusions],
+        channels=[
+            pb.Channel(receiver=c.receiver, satellite=c.satellite, statistic=c.statistic, threshold=c.threshold) for c in report.channels
+        ],
+    )
+    for name, e_enu_m, satellites in zip(report.receivers, report.e_enu_m.tolist(), report.satellites_used.tolist(), strict=True):
+        east_m, north_m, up_m = (_number(v) for v in e_enu_m)
+        message.triangle.add(receiver=name, east_m=east_m, north_m=north_m, up_m=up_m, satellites=satellites)
+    for name, statistic, threshold, outcome in zip(
+        report.check_names, report.statistic.tolist(), report.threshold.tolist(), report.outcome.tolist(), strict=True
+    ):
+        message.checks.add(name=name, statistic=_number(statistic), threshold=threshold, outcome=OUTCOMES[Outcome(outcome)])
+    computed = np.isfinite(report.residual_sigmas)
+    for s in np.flatnonzero(computed | report.used):
+        b_m = report.b_m[:, s].tolist()
+        message.residuals.add(
+            signal=report.signals[s],
+            used=bool(report.used[s]),
+            sigmas=_number(float(report.residual_sigmas[s])),
+            b_m=b_m if all(math.isfinite(b) for b in b_m) else [],
+        )
+    return message
+
+
+def encode_exclusion(exclusion: Exclusion) -> pb.Exclusion:
+    """One satellite that is out."""
+    return pb.Exclusion(
+        satellite=exclusion.satellite,
+        since_ns=exclusion.since_ns,
+        check=exclusion.check,
+        statistic=exclusion.statistic,
+        threshold=exclusion.threshold,
+        clean_since_ns=exclusion.clean_since_ns,
+        clean_epochs=exclusion.clean_epochs,
+    )
+
+
+def _number(value: float) -> float | None:
+    return value if math.isfinite(value) else None

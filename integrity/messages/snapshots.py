@@ -1,0 +1,111 @@
+"""The whole memory of a monitor to a message and back."""
+
+import numpy as np
+
+from integrity.assembler import AssemblerState
+from integrity.errors import DecodeError
+from integrity.exclusion import Exclusion
+from integrity.health import Health
+from integrity.messages import wayside_pb2 as pb
+from integrity.messages.inputs import (
+    decode_ephemeris,
+    decode_ionosphere,
+    decode_row,
+    encode_ephemeris,
+    encode_ionosphere,
+    encode_row,
+)
+from integrity.messages.outputs import CAUSES, STATES, encode_exclusion
+from integrity.station_monitor import Snapshot
+from integrity.stream_memory import StreamMemory
+
+_STATE_OF = {number: state for state, number in STATES.items()}
+_CAUSE_OF = {number: cause for cause, number in CAUSES.items()}
+
+
+def encode_snapshot(snapshot: Snapshot, receivers: tuple[str, ...], mono_ns: int) -> pb.Snapshot:
+    """A snapshot taken at `mono_ns`; rows of the stream memory in the order of `receivers`."""
+    assembler, streams, health = snapshot.assembler, snapshot.streams, snapshot.health
+    return pb.Snapshot(
+        mono_ns=mono_ns,
+        receiver=receivers,
+        signal=streams.signals,
+        streams_epoch_ns=streams.epoch_ns,
+        streams=[
+            pb.StreamMemory(last_seen_ns=seen.tolist(), pseudorange_m=rho.tolist(), cn0_baseline_dbhz=cn0.tolist())
+            for seen, rho, cn0 in zip(streams.last_seen_ns, streams.pseudorange_m, streams.cn0_baseline_dbhz, strict=True)
+        ],
+        pending=[pb.PendingEpoch(epoch_ns=epoch_ns, rows=[encode_row(row, 0) for row in rows]) for epoch_ns, rows in assembler.pending],
+        last_epoch_ns=assembler.last_epoch_ns,
+        heard_ns=dict(assembler.heard_ns),
+        aligned_ns=assembler.aligned_ns,
+        dropped=dict(assembler.dropped),
+        refused_ephemerides=assembler.refused_ephemerides,
+        ionosphere=None if assembler.klobuchar is None else encode_ionosphere(assembler.klobuchar, 0),
+        ephemerides=[encode_ephemeris(eph, 0) for eph in snapshot.ephemerides],
+        exclusions=[encode_exclusion(x) for x in snapshot.exclusions],
+        state=STATES[health.state],
+        cause=CAUSES[health.cause],
+        subjects=health.subjects,
+        clean_since_ns=health.clean_since_ns,
+        clean_epochs=health.clean_epochs,
+        sequence=snapshot.sequence,
+    )
+
+
+def decode_snapshot(message: pb.Snapshot) -> Snapshot:
+    """The memory that a message records; DecodeError where its parts do not fit each other."""
+    try:
+        health = Health(
+            _STATE_OF[message.state],
+            _CAUSE_OF[message.cause],
+            tuple(message.subjects),
+            message.clean_since_ns if message.HasField("clean_since_ns") else None,
+            message.clean_epochs,
+        )
+    except (KeyError, ValueError) as error:
+        raise DecodeError(f"snapshot: state {message.state} with cause {message.cause}: {error}") from None
+    shape = (len(message.receiver), len(message.signal))
+    streams = StreamMemory(
+        tuple(message.signal),
+        message.streams_epoch_ns,
+        _rows([s.last_seen_ns for s in message.streams], shape).astype(np.int64),
+        _rows([s.pseudorange_m for s in message.streams], shape),
+        _rows([s.cn0_baseline_dbhz for s in message.streams], shape),
+    )
+    assembler = AssemblerState(
+        pending=tuple((p.epoch_ns, tuple(decode_row(row) for row in p.rows)) for p in message.pending),
+        last_epoch_ns=message.last_epoch_ns if message.HasField("last_epoch_ns") else None,
+        heard_ns=tuple(sorted(message.heard_ns.items())),
+        aligned_ns=message.aligned_ns if message.HasField("aligned_ns") else None,
+        klobuchar=decode_ionosphere(message.ionosphere) if message.HasField("ionosphere") else None,
+        dropped=tuple(sorted(message.dropped.items())),
+        refused_ephemerides=message.refused_ephemerides,
+    )
+    return Snapshot(
+        streams=streams,
+        assembler=assembler,
+        ephemerides=tuple(decode_ephemeris(e) for e in message.ephemerides),
+        exclusions=tuple(_exclusion(x) for x in message.exclusions),
+        health=health,
+        sequence=message.sequence,
+    )
+
+
+def _rows(rows: list[object], shape: tuple[int, int]) -> np.ndarray:
+    array = np.array([np.array(row) for row in rows]).reshape(len(rows), -1) if rows else np.zeros(shape)
+    if array.shape != shape:
+        raise DecodeError(f"snapshot: stream memory of shape {array.shape}, expected {shape}")
+    return array
+
+
+def _exclusion(message: pb.Exclusion) -> Exclusion:
+    return Exclusion(
+        message.satellite,
+        message.since_ns,
+        message.check,
+        message.statistic,
+        message.threshold,
+        message.clean_since_ns if message.HasField("clean_since_ns") else None,
+        message.clean_epochs,
+    )

@@ -1,0 +1,264 @@
+"""Commands on recordings: import, replay, inject, simulate, and looking after the files."""
+
+import json
+import sys
+import time
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from integrity.errors import ConfigError, DecodeError
+
+commands = typer.Typer(no_args_is_help=True)
+recording_commands = typer.Typer(no_args_is_help=True, help="Look at a recording, check it, save what is whole of it.")
+
+Recording = Annotated[Path, typer.Argument(help="A recording (.mcap).", show_default=False)]
+Output = Annotated[Path, typer.Option("--output", "-o", help="Where to write.", show_default=False)]
+From = Annotated[str | None, typer.Option("--from", help="First epoch, UTC: 2010-03-18T05:00:00Z.")]
+To = Annotated[str | None, typer.Option("--to", help="End, UTC, not included.")]
+Json = Annotated[bool, typer.Option("--json", help="One JSON object on stdout.")]
+
+
+def talk(text: str) -> None:
+    """To people: stderr, so that stdout stays data."""
+    print(text, file=sys.stderr)
+
+
+@commands.command("import")
+def import_(
+    site: Annotated[Path, typer.Option("--site", help="Site file.", show_default=False)],
+    receiver: Annotated[list[str], typer.Option("--receiver", help="A=FILE; repeat for B and C, and for further files.")],
+    output: Output,
+    nav: Annotated[list[Path] | None, typer.Option("--nav", help="Navigation file; repeatable.")] = None,
+    start: Annotated[str | None, typer.Option("--start", help="First epoch, UTC.")] = None,
+    end: Annotated[str | None, typer.Option("--end", help="End, UTC, not included.")] = None,
+) -> None:
+    """RINEX files of three receivers to one recording, decided on the way.
+
+    Example: wayside import --site site.toml --receiver A=a.10o.gz --receiver B=b.10o --receiver C=c.10o --nav brdc.10n.gz -o day.mcap
+    """
+    from recordings.importer import import_files
+    from recordings.replay import decide_and_record, window
+    from recordings.rinex.navigation import read_navigation
+    from recordings.rinex.observation import read_observations
+    from recordings.site_file import load_site
+
+    site_file = load_site(site)
+    start_ns, end_ns = window(start, end)
+    files = _files_of_receivers(receiver, site_file.config.receiver_names)
+    observations = {name: [read_observations(path, name) for path in paths] for name, paths in files.items()}
+    navigation = [read_navigation(path) for path in nav or []]
+    if not navigation:
+        raise ConfigError("no navigation file: give the broadcast ephemerides of the day with --nav FILE")
+    imported = import_files(site_file.config, observations, navigation, start_ns, end_ns)
+    for warning in imported.warnings:
+        talk(f"warning: {warning}")
+    metadata = {"import": {"dropped": json.dumps(imported.dropped, sort_keys=True)}}
+    decide_and_record(output, site_file, imported.events, metadata)
+    for name, reasons in imported.dropped.items():
+        if reasons:
+            talk(f"receiver {name}: dropped {', '.join(f'{n} x {reason}' for reason, n in reasons.items())}")
+    talk(f"{output}: {imported.epochs} aligned epochs")
+
+
+@commands.command()
+def replay(
+    recording: Recording,
+    site: Annotated[Path | None, typer.Option("--site", help="Another site file than the recorded one.")] = None,
+    settings: Annotated[list[str] | None, typer.Option("--set", help="KEY=VALUE of the site file; repeatable.")] = None,
+    from_: From = None,
+    to: To = None,
+    block_epochs: Annotated[int, typer.Option("--block-epochs", min=1, help="Epochs decided at a time; never changes a decision.")] = 1000,
+    epochs: Annotated[Path | None, typer.Option("--epochs", help="CSV with a row per epoch.")] = None,
+    out: Annotated[Path | None, typer.Option("--out", help="A new recording with these decisions.")] = None,
+    diff: Annotated[bool, typer.Option("--diff", help="Compare with the recorded decisions; exit 1 on any difference.")] = False,
+    plot: Annotated[Path | None, typer.Option("--plot", help="Picture of triangle, errors and states (SVG).")] = None,
+    fail_on: Annotated[str | None, typer.Option("--fail-on", help="'alert': exit 3 if anything but NORMAL after start-up.")] = None,
+    as_json: Json = False,
+) -> None:
+    """Decide a recording again, and say why.
+
+    Example: wayside replay day.mcap --set integrity.on_satellite_fault=exclude --plot day.svg
+    """
+    from recordings import replay as again
+    from recordings.diff import differences, recorded_reports
+    from recordings.explain import explain
+    from recordings.reader import read_recording
+    from recordings.site_file import load_site, override_site
+    from recordings.summary import Summary, alerted, as_json_object, in_window, write_epochs_csv
+
+    if fail_on not in (None, "alert"):
+        raise ConfigError(f"--fail-on {fail_on}: the only choice is alert")
+    contents = read_recording(recording)
+    start_ns, end_ns = again.window(from_, to)
+    chosen = load_site(site) if site else again.recorded_site(contents)
+    if settings:
+        chosen = override_site(chosen, settings)
+    todo = again.replayable(contents, chosen, start_ns, end_ns)
+    began = time.perf_counter()
+    outputs, monitor = again.decide(todo.site, todo.events, todo.snapshot, block_epochs)
+    wall_s = time.perf_counter() - began
+    reports, health = in_window(outputs, start_ns, end_ns)
+    dropped = {name: dict(reasons) for name, reasons in _recorded_drops(contents.metadata, chosen.config.receiver_names).items()}
+    for name, count in monitor.dropped.items():
+        if count:
+            dropped[name]["not aligned"] = count
+    summary = Summary(recording.name, todo.site, monitor.limits, reports, health, dropped, wall_s)
+
+    if out:
+        kept = {name: values for name, values in contents.metadata.items() if name in ("import", "truth")}
+        again.decide_and_record(out, todo.site, todo.events, kept, todo.snapshot)
+        talk(f"{out}: recorded with these decisions")
+    if epochs:
+        write_epochs_csv(epochs, reports, chosen.config.receiver_names)
+    if plot:
+        from recordings.report.plot import replay_svg
+
+        plot.write_text(replay_svg(f"{recording.name}, site {chosen.config.site_id}", monitor.triangle, monitor.limits, reports), "utf-8")
+    print(json.dumps(as_json_object(summary), indent=2) if as_json else explain(summary), end="\n" if as_json else "")
+    if diff:
+        lines = differences(recorded_reports(contents, start_ns, end_ns), reports)
+        for line in lines[:50]:
+            talk(line)
+        talk(f"{len(lines)} of {len(reports)} epochs decided differently" if lines else f"all {len(reports)} epochs decided as recorded")
+        if lines:
+            raise typer.Exit(1)
+    if fail_on == "alert" and alerted(summary):
+        raise typer.Exit(3)
+
+
+@commands.command()
+def inject(
+    recording: Recording,
+    faults: Annotated[Path, typer.Option("--faults", help="Fault file (TOML).", show_default=False)],
+    output: Output,
+) -> None:
+    """A recording with faults in it, decided anew; the truth goes along as metadata.
+
+    Example: wayside inject day.mcap --faults spoofing.toml -o spoofed.mcap
+    """
+    from recordings.faults import inject as with_faults
+    from recordings.faults import parse_faults
+    from recordings.reader import read_recording
+    from recordings.replay import decide_and_record, first_epoch_ns, replayable
+
+    contents = read_recording(recording)
+    todo = replayable(contents)
+    text = _text(faults)
+    parsed = parse_faults(text, str(faults), first_epoch_ns(todo), todo.site.config)
+    events = with_faults(todo.events, parsed, todo.site.config)
+    kept = {name: values for name, values in contents.metadata.items() if name == "import"}
+    decide_and_record(output, todo.site, events, kept | {"truth": {"faults": text}}, todo.snapshot)
+    talk(f"{output}: {len(parsed)} fault{'s' if len(parsed) != 1 else ''} injected")
+
+
+@commands.command()
+def simulate(
+    scenario: Annotated[Path, typer.Argument(help="Scenario file (TOML).", show_default=False)],
+    output: Output,
+) -> None:
+    """A recording of what never happened: simulated satellites, receivers and faults; the truth goes along as metadata.
+
+    Example: wayside simulate recordings/samples/triangle.toml -o triangle.mcap
+    """
+    from recordings.simulate.scenario import record_scenario
+
+    n_faults = record_scenario(_text(scenario), str(scenario), output)
+    talk(f"{output}: simulated, {n_faults} fault{'s' if n_faults != 1 else ''}")
+
+
+@recording_commands.command("info")
+def info(recording: Recording, as_json: Json = False) -> None:
+    """What is in a recording.
+
+    Example: wayside recording info day.mcap
+    """
+    from recordings.reader import salvage
+    from recordings.replay import span_utc, started
+
+    contents = salvage(recording)
+    head = started(contents)
+    start, end = span_utc(contents)
+    facts: dict[str, Any] = {
+        "recording": recording.name,
+        "site": head.site,
+        "software": head.software,
+        "config_sha256": head.config_sha256,
+        "start": start,
+        "end": end,
+        "bytes": recording.stat().st_size,
+        "messages": contents.counts(),
+        "truth": contents.metadata.get("truth", {}).get("faults"),
+        "damage": contents.damage or None,
+    }
+    if as_json:
+        print(json.dumps(facts, indent=2))
+        return
+    for key, value in facts.items():
+        if value is None:
+            continue
+        if key == "truth":
+            print("faults injected:\n" + "\n".join(f"  {line}" for line in value.strip().splitlines()))
+        elif isinstance(value, dict):
+            print(f"{key}: " + ", ".join(f"{topic} {n}" for topic, n in sorted(value.items())))
+        else:
+            print(f"{key}: {value}")
+
+
+@recording_commands.command("check")
+def check(recording: Recording, as_json: Json = False) -> None:
+    """Read a recording through, checksums and all; exit 1 where it is not whole.
+
+    Example: wayside recording check day.mcap
+    """
+    from recordings.reader import salvage
+    from recordings.replay import complaints
+
+    contents = salvage(recording)
+    found = complaints(contents)
+    if as_json:
+        print(json.dumps({"recording": recording.name, "whole": not found, "complaints": found}, indent=2))
+    else:
+        print("\n".join(found) if found else f"{recording.name}: whole, {len(contents.entries)} messages")
+    if found:
+        raise typer.Exit(1)
+
+
+@recording_commands.command("recover")
+def recover(recording: Recording, output: Output) -> None:
+    """Write a whole recording of everything that can still be read from one that was cut or damaged.
+
+    Example: wayside recording recover cut.mcap -o saved.mcap
+    """
+    from recordings.replay import recover as save
+    from recordings.replay import span_utc
+
+    contents = save(recording, output)
+    damage = f" ({contents.damage})" if contents.damage else ", nothing was missing"
+    talk(f"{output}: {len(contents.entries)} messages up to {span_utc(contents)[1]}{damage}")
+
+
+def _files_of_receivers(assignments: list[str], names: tuple[str, ...]) -> dict[str, list[Path]]:
+    files: dict[str, list[Path]] = {name: [] for name in names}
+    for assignment in assignments:
+        name, equals, path = assignment.partition("=")
+        if not equals or name not in files:
+            raise ConfigError(f"--receiver {assignment}: expected NAME=FILE with NAME one of {', '.join(names)}")
+        files[name].append(Path(path))
+    missing = [name for name, paths in files.items() if not paths]
+    if missing:
+        raise ConfigError(f"no file for receiver {', '.join(missing)}: add --receiver {missing[0]}=FILE")
+    return files
+
+
+def _recorded_drops(metadata: dict[str, dict[str, str]], names: tuple[str, ...]) -> dict[str, dict[str, int]]:
+    recorded = json.loads(metadata.get("import", {}).get("dropped", "{}"))
+    return {name: dict(recorded.get(name, {})) for name in names}
+
+
+def _text(path: Path) -> str:
+    try:
+        return path.read_text("utf-8")
+    except UnicodeDecodeError as error:
+        raise DecodeError(f"{path}: not UTF-8 text ({error.reason} at byte {error.start})") from None

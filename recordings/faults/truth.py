@@ -1,0 +1,138 @@
+"""What was recorded before any fault: every row with what was known when it came, and the geometry that follows from it."""
+
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from dataclasses import dataclass, replace
+from itertools import groupby
+from typing import NamedTuple
+
+import numpy as np
+
+from integrity.assembler import nominal_epoch_ns
+from integrity.config import SiteConfig
+from integrity.events import EphemerisReceived, Event, IonosphereReceived, ObservationsReceived
+from integrity.gnss.atmosphere import Klobuchar
+from integrity.gnss.constants import SPEED_OF_LIGHT_MPS
+from integrity.gnss.ephemeris import EphemerisStore, SatelliteStates, satellite_states
+from integrity.gnss.gps_time import NS_PER_S
+from integrity.gnss.observations import Floats, Ints, ObservationBlock, ObservationRow, build_block
+from integrity.gnss.positioning import TRAVEL_TIME_NS, Points, points_at, prefit, state_time_ns
+
+MOST_ROWS_PER_RUN = 1024  # bounds the memory of a fault that lasts for hours
+NOMINAL_RANGE_M = SPEED_OF_LIGHT_MPS * TRAVEL_TIME_NS / NS_PER_S  # where only the carrier was measured
+RANGE_ITERATIONS = 2  # a satellite moves 1 m in the millisecond by which 300 km change its time of transmission; then 3 um
+
+
+@dataclass(frozen=True, eq=False)
+class RecordedRow:
+    """A row at its `place` in the events, with its nominal epoch, and the ephemerides `arrived` and the ionosphere known by then."""
+
+    place: int
+    epoch_ns: int
+    row: ObservationRow
+    arrived: int
+    klobuchar: Klobuchar | None
+
+
+@dataclass(frozen=True, eq=False)
+class Truth:
+    """The rows of a recording in the order of its events, and the ephemerides in the order of their arrival."""
+
+    site: SiteConfig
+    rows: tuple[RecordedRow, ...]
+    store: EphemerisStore
+
+    def covered(self, covers: Callable[[int], bool], receivers: Sequence[str]) -> list[RecordedRow]:
+        """Rows of some receivers (of all where none is named) in the epochs that `covers` accepts."""
+        names = receivers or self.site.receiver_names
+        return [seen for seen in self.rows if covers(seen.epoch_ns) and seen.row.receiver in names]
+
+
+class RangeChange(NamedTuple):
+    """Per signal of a row (n,): `delta_m` longer, growing by `rate_mps`; NaN where no ephemeris says where the satellite is."""
+
+    delta_m: Floats
+    rate_mps: Floats
+
+
+def truth_of(events: Sequence[Event], site: SiteConfig) -> Truth:
+    """Go through the events once."""
+    store = EphemerisStore()
+    rows: list[RecordedRow] = []
+    klobuchar = None
+    for place, event in enumerate(events):
+        match event:
+            case ObservationsReceived(_, row) if row.receiver in site.receiver_names:
+                epoch_ns = nominal_epoch_ns(row.receive_time_ns, site.epoch_interval_ns)
+                rows.append(RecordedRow(place, epoch_ns, row, len(store.ephemerides), klobuchar))
+            case EphemerisReceived(_, ephemeris) if ephemeris.implausibility() is None:
+                store.add(ephemeris)
+            case IonosphereReceived():
+                klobuchar = event.klobuchar
+    return Truth(site, tuple(rows), store)
+
+
+def runs(rows: Iterable[RecordedRow]) -> Iterator[list[RecordedRow]]:
+    """The rows by receiver and ionosphere, in runs that are computed at once."""
+    by_receiver = sorted(rows, key=lambda seen: seen.row.receiver)
+    for _, group in groupby(by_receiver, key=lambda seen: (seen.row.receiver, seen.klobuchar)):
+        run = list(group)
+        for first in range(0, len(run), MOST_ROWS_PER_RUN):
+            yield run[first : first + MOST_ROWS_PER_RUN]
+
+
+def surveyed(truth: Truth, receiver: str) -> Points:
+    """The surveyed point of a receiver, as points of one epoch and one receiver."""
+    return points_at(np.array([r.position_ecef_m for r in truth.site.receivers if r.name == receiver]))
+
+
+def elevations_rad(truth: Truth, run: Sequence[RecordedRow]) -> list[Floats]:
+    """Elevation of each row's signals at the surveyed point; NaN without ephemeris."""
+    block, states = _block_and_states(truth, run)
+    el_rad = prefit(block, states, surveyed(truth, run[0].row.receiver), None).el_rad
+    return _by_row(block, run, el_rad)
+
+
+def range_changes(truth: Truth, run: Sequence[RecordedRow], there: Points, velocity_ecef_mps: Floats) -> list[RangeChange]:
+    """What the ranges would be `there` minus what they are at the surveyed point; rows of one receiver, points and velocities (E, 1, 3).
+
+    Distance and the Earth's rotation exactly (to 0.01 mm), troposphere and ionosphere by the models of the monitor, for the geodetic
+    coordinates that `there` states: with those of the surveyed point the air is the same. Rates to 0.01 mm/s per km of displacement.
+    """
+    here = surveyed(truth, run[0].row.receiver)
+    block, states = _block_and_states(truth, run)
+    klobuchar = run[0].klobuchar
+    at_here = prefit(block, states, here, klobuchar)
+    delta_m = np.zeros_like(at_here.residual_m)
+    at_there = at_here
+    for _ in range(RANGE_ITERATIONS):
+        at_there = prefit(replace(block, pseudorange_m=block.pseudorange_m + delta_m), states, there, klobuchar)
+        delta_m = delta_m + at_here.residual_m - at_there.residual_m
+    satellite_mps = states.vel_ecef_mps[:, :, None, :]
+    antenna_mps = np.moveaxis(velocity_ecef_mps, -1, 0)[..., None]
+    approach_here = (_in_ecef(at_here.los_enu, here) * satellite_mps).sum(axis=0)
+    approach_there = (_in_ecef(at_there.los_enu, there) * (satellite_mps - antenna_mps)).sum(axis=0)
+    pairs = zip(_by_row(block, run, delta_m), _by_row(block, run, approach_there - approach_here), strict=True)
+    return [RangeChange(delta, rate) for delta, rate in pairs]
+
+
+def _block_and_states(truth: Truth, run: Sequence[RecordedRow]) -> tuple[ObservationBlock, SatelliteStates]:
+    """The rows of one receiver as a block, each at its own time; ranges that were not measured are set to a nominal one."""
+    receiver = run[0].row.receiver
+    block = build_block((receiver,), [seen.row.receive_time_ns for seen in run], [[seen.row] for seen in run])
+    index = truth.store.choose(block.satellites, block.epoch_ns, np.array([seen.arrived for seen in run], dtype=np.int64))
+    states = satellite_states(truth.store.ephemerides, index, state_time_ns(block.epoch_ns))
+    measured = np.isfinite(block.pseudorange_m)
+    return replace(block, pseudorange_m=np.where(measured, block.pseudorange_m, NOMINAL_RANGE_M)), states
+
+
+def _by_row(block: ObservationBlock, run: Sequence[RecordedRow], values: Floats) -> list[Floats]:
+    """Values (E, 1, S) of a block, per row in the order of its own signals."""
+    column_of = {signal: i for i, signal in enumerate(block.signals)}
+    columns: list[Ints] = [np.array([column_of[signal] for signal in seen.row.signals], dtype=np.int64) for seen in run]
+    return [values[e, 0, column] for e, column in enumerate(columns)]
+
+
+def _in_ecef(los_enu: Floats, points: Points) -> Floats:
+    """Unit vectors (3, E, 1, S) turned from the axes of the points to ECEF."""
+    axes = points.enu[..., None]
+    return np.stack([sum((axes[:, :, i, k] * los_enu[i] for i in range(3)), np.zeros(())) for k in range(3)])

@@ -1,0 +1,126 @@
+"""Reads a recording, checksums verified, in the order in which it was written; and salvages one that is cut or damaged."""
+
+from collections import Counter
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import BinaryIO
+
+from google.protobuf.message import Message
+from mcap.exceptions import McapError
+from mcap.records import Channel, Chunk, Footer, Header, Metadata, Schema
+from mcap.records import Message as McapMessage
+from mcap.stream_reader import StreamReader, breakup_chunk
+from zstandard import ZstdError
+
+from integrity.errors import DecodeError, RecordingError
+from integrity.messages.inputs import parsed
+from recordings.channels import ENCODING, PROFILE, TOPICS
+
+
+@dataclass(frozen=True)
+class Entry:
+    """One recorded message and its log time (UTC, ns)."""
+
+    topic: str
+    log_ns: int
+    message: Message
+
+
+@dataclass(frozen=True)
+class Contents:
+    """A recording in memory. `damage` says in words what was found wrong; empty for a whole file."""
+
+    path: Path
+    metadata: dict[str, dict[str, str]]
+    entries: tuple[Entry, ...]
+    damage: str
+    skipped_chunks: int
+
+    def counts(self) -> dict[str, int]:
+        """Messages per topic."""
+        return dict(Counter(entry.topic for entry in self.entries))
+
+
+def read_recording(path: Path) -> Contents:
+    """The whole recording; RecordingError where it is cut, damaged, or of an unknown schema."""
+    contents = salvage(path)
+    if contents.damage:
+        raise RecordingError(f"{path}: {contents.damage}; `wayside recording recover {path} -o OUT.mcap` saves what is whole")
+    return contents
+
+
+def salvage(path: Path) -> Contents:
+    """Everything that can be read: damaged chunks are skipped and counted. RecordingError where nothing is left, or it is not ours."""
+    entries: list[Entry] = []
+    metadata: dict[str, dict[str, str]] = {}
+    damage: list[str] = []
+    skipped = 0
+    ended = False
+    with path.open("rb") as file:
+        records = _records(file, path, damage)
+        topics = _Topics(path)
+        for record in records:
+            if isinstance(record, Chunk):
+                try:
+                    entries += topics.entries(record)
+                except (McapError, DecodeError, KeyError, ValueError, EOFError, ZstdError) as error:
+                    skipped += 1
+                    damage.append(f"a chunk is damaged ({error})")
+            elif isinstance(record, Metadata):
+                metadata[record.name] = dict(record.metadata)
+            ended = ended or isinstance(record, Footer)
+    if not ended and not damage:
+        damage.append("the file ends before its footer")
+    if not entries:
+        raise RecordingError(f"{path}: {'; '.join(damage) or 'no message of Wayside in it'}; nothing to decide")
+    return Contents(path, metadata, tuple(entries), "; ".join(dict.fromkeys(damage)), skipped)
+
+
+def _records(file: BinaryIO, path: Path, damage: list[str]) -> Iterator[object]:
+    """MCAP records up to the end or the first place at which the framing breaks; RecordingError for what is no recording of ours."""
+    try:
+        for record in StreamReader(file, emit_chunks=True, validate_crcs=True).records:
+            if isinstance(record, Header) and record.profile != PROFILE:
+                raise RecordingError(
+                    f"{path}: profile {record.profile!r}, expected {PROFILE!r}: not written by a Wayside that this one knows"
+                )
+            yield record
+    except RecordingError:
+        raise
+    except Exception as error:  # the MCAP library raises its own errors, struct.error, EOFError, codec errors: all mean the same here
+        if file.tell() <= 64:
+            raise RecordingError(f"{path}: not an MCAP recording ({error or type(error).__name__})") from None
+        damage.append(f"cut or damaged at byte {file.tell()} ({type(error).__name__})")
+
+
+class _Topics:
+    """Schemas and channels met so far; turns a chunk into entries."""
+
+    def __init__(self, path: Path) -> None:
+        self._path = path
+        self._schema_name: dict[int, str] = {}
+        self._topic: dict[int, str] = {}
+
+    def entries(self, chunk: Chunk) -> list[Entry]:
+        """Messages of a chunk, its checksum verified."""
+        found = []
+        for record in breakup_chunk(chunk, validate_crc=True):
+            if isinstance(record, Schema):
+                self._schema_name[record.id] = record.name
+            elif isinstance(record, Channel):
+                self._check(record)
+                self._topic[record.id] = record.topic
+            elif isinstance(record, McapMessage):
+                topic = self._topic[record.channel_id]
+                found.append(Entry(topic, record.log_time, parsed(TOPICS[topic], record.data)))
+        return found
+
+    def _check(self, channel: Channel) -> None:
+        known = TOPICS.get(channel.topic)
+        schema = self._schema_name.get(channel.schema_id)
+        if known is None or channel.message_encoding != ENCODING or schema != known.DESCRIPTOR.full_name:
+            raise RecordingError(
+                f"{self._path}: topic {channel.topic} holds {schema} ({channel.message_encoding}), which this version does not know; "
+                "it was recorded by a newer Wayside or another program"
+            )

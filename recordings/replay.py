@@ -1,0 +1,192 @@
+"""Decides a recording again: the same events, the same core; and records what was decided.
+
+`decide` is the only way from events to decisions outside a running station: import, injection, simulation and replay all use it.
+"""
+
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from itertools import pairwise, zip_longest
+from pathlib import Path
+
+from integrity import SOFTWARE
+from integrity.assembler import nominal_epoch_ns
+from integrity.errors import ConfigError, RecordingError
+from integrity.events import Event, ObservationsReceived, Tick
+from integrity.gnss.gps_time import NS_PER_S, format_calendar, gps_from_utc, parse_utc
+from integrity.health import Health
+from integrity.messages import wayside_pb2 as pb
+from integrity.messages.inputs import decode_event, encode_event
+from integrity.messages.outputs import encode_output
+from integrity.messages.snapshots import decode_snapshot, encode_snapshot
+from integrity.outputs import Output
+from integrity.station_monitor import Snapshot, StationMonitor
+from recordings.channels import INPUTS
+from recordings.reader import Contents, salvage
+from recordings.site_file import SiteFile, parse_site
+from recordings.writer import RecordingWriter
+
+DEFAULT_BLOCK_EPOCHS = 1000
+SNAPSHOT_EVERY_NS = 3600 * NS_PER_S
+
+
+@dataclass(frozen=True)
+class Replayable:
+    """What a recording asks to be decided: its site, the memory it starts from, its events."""
+
+    site: SiteFile
+    snapshot: Snapshot | None
+    events: tuple[Event, ...]
+
+
+def started(contents: Contents) -> pb.Started:
+    """The first message of a recording."""
+    first = contents.entries[0].message
+    if not isinstance(first, pb.Started):
+        raise RecordingError(f"{contents.path}: begins with {contents.entries[0].topic}, expected /started: its head is missing")
+    return first
+
+
+def recorded_site(contents: Contents) -> SiteFile:
+    """The site file that the recording was decided with."""
+    return parse_site(started(contents).site_toml, f"{contents.path}: recorded site")
+
+
+def replayable(contents: Contents, site: SiteFile | None = None, start_ns: int | None = None, end_ns: int | None = None) -> Replayable:
+    """Events from the last snapshot at or before `start_ns` (GPS; the head of the file by default) up to `end_ns`, not included.
+
+    With another site file than the recorded one, what was received before (ephemerides, signals) is kept, and what was decided
+    (health, exclusions) starts anew: those were other promises.
+    """
+    own = recorded_site(contents)
+    chosen = site or own
+    if chosen.config.receiver_names != own.config.receiver_names:
+        raise ConfigError(
+            f"the site file has receivers {', '.join(chosen.config.receiver_names)}, the recording {', '.join(own.config.receiver_names)}: "
+            "name them as recorded"
+        )
+    first = 0
+    for i, entry in enumerate(contents.entries):
+        if start_ns is not None and gps_from_utc(entry.log_ns) > start_ns:
+            break
+        if isinstance(entry.message, pb.Snapshot):
+            first = i
+    head = contents.entries[first].message
+    snapshot = decode_snapshot(head) if isinstance(head, pb.Snapshot) else None
+    if snapshot is not None and chosen.config.config_sha256 != own.config.config_sha256:
+        snapshot = replace(snapshot, exclusions=(), health=Health())
+    inputs = (entry for entry in contents.entries[first:] if entry.topic in INPUTS)
+    events = (decode_event(entry.message) for entry in inputs if end_ns is None or gps_from_utc(entry.log_ns) < end_ns)
+    return Replayable(chosen, snapshot, tuple(events))
+
+
+def decide(
+    site: SiteFile,
+    events: Iterable[Event],
+    snapshot: Snapshot | None = None,
+    block_epochs: int = DEFAULT_BLOCK_EPOCHS,
+    writer: RecordingWriter | None = None,
+) -> tuple[list[Output], StationMonitor]:
+    """Feed events to a new monitor, `block_epochs` epochs at a time; record them and what comes out where a writer is given."""
+    monitor = StationMonitor(site.config, snapshot)
+    outputs: list[Output] = []
+    next_snapshot_ns: int | None = None
+    for batch in _batches(events, block_epochs * len(site.config.receivers)):
+        mono_ns = batch[0].mono_ns
+        if writer is not None and (next_snapshot_ns is None or mono_ns >= next_snapshot_ns):
+            writer.write(encode_snapshot(monitor.snapshot(), site.config.receiver_names, mono_ns), mono_ns)
+            next_snapshot_ns = mono_ns + SNAPSHOT_EVERY_NS
+        decided = monitor.feed(batch)
+        outputs += decided
+        if writer is not None:
+            _record(writer, site, batch, decided)
+    return outputs, monitor
+
+
+def decide_and_record(
+    path: Path, site: SiteFile, events: Sequence[Event], metadata: Mapping[str, Mapping[str, str]], snapshot: Snapshot | None = None
+) -> tuple[list[Output], StationMonitor]:
+    """A new recording of events and of what is decided on them; deterministic bytes."""
+    if not events:
+        raise RecordingError(f"{path}: there is nothing to record")
+    first = events[0]
+    gps_ns = next((gps_from_utc(e.utc_ns) - (e.mono_ns - first.mono_ns) for e in events if isinstance(e, Tick)), first.mono_ns)
+    with RecordingWriter(path, SOFTWARE, gps_ns, first.mono_ns, metadata) as writer:
+        config = site.config
+        head = pb.Started(
+            site=config.site_id, software=SOFTWARE, config_sha256=config.config_sha256, site_toml=site.text, gps_time_ns=gps_ns
+        )
+        writer.write(head, first.mono_ns)
+        return decide(site, events, snapshot, block_epochs=60, writer=writer)
+
+
+def window(text_from: str | None, text_to: str | None) -> tuple[int | None, int | None]:
+    """GPS times of `--from` and `--to`; ConfigError where they are not times."""
+    try:
+        start_ns = None if text_from is None else parse_utc(text_from)
+        end_ns = None if text_to is None else parse_utc(text_to)
+    except ValueError as error:
+        raise ConfigError(str(error)) from None
+    if start_ns is not None and end_ns is not None and end_ns <= start_ns:
+        raise ConfigError(f"the time window ends ({text_to}) before it begins ({text_from})")
+    return start_ns, end_ns
+
+
+def span_utc(contents: Contents) -> tuple[str, str]:
+    """First and last log time, UTC."""
+    return tuple(format_calendar(contents.entries[i].log_ns) + "Z" for i in (0, -1))  # type: ignore[return-value]
+
+
+def _batches(events: Iterable[Event], rows: int) -> Iterator[list[Event]]:
+    """Cut after each `rows` rows of observations and the ticks that follow them."""
+    batch: list[Event] = []
+    count = 0
+    for event in events:
+        if count >= rows and not isinstance(event, Tick):
+            yield batch
+            batch, count = [], 0
+        batch.append(event)
+        count += isinstance(event, ObservationsReceived)
+    if batch:
+        yield batch
+
+
+def _record(writer: RecordingWriter, site: SiteFile, batch: Sequence[Event], decided: Sequence[Output]) -> None:
+    """Inputs in the order in which they were decided, each output after the input that completed it."""
+    waiting = iter(decided)
+    due = next(waiting, None)
+    for event, following in zip_longest(batch, batch[1:]):
+        writer.write(encode_event(event), event.mono_ns)
+        while due is not None and (following is None or due.mono_ns < following.mono_ns):
+            writer.write(encode_output(due, site.config, SOFTWARE), event.mono_ns)
+            due = next(waiting, None)
+
+
+def first_epoch_ns(todo: Replayable) -> int:
+    """GPS time of the first row of observations."""
+    for event in todo.events:
+        if isinstance(event, ObservationsReceived):
+            return nominal_epoch_ns(event.row.receive_time_ns, todo.site.config.epoch_interval_ns)
+    raise RecordingError("no observations in the recording: there is nothing to inject into")
+
+
+def complaints(contents: Contents) -> list[str]:
+    """What is not as it should be in a recording; empty for a whole one."""
+    found = [contents.damage] if contents.damage else []
+    topics = [entry.topic for entry in contents.entries[:2]]
+    if topics != ["/started", "/snapshot"]:
+        found.append(f"begins with {' and '.join(topics)}, expected /started and /snapshot")
+    times = [entry.log_ns for entry in contents.entries]
+    if any(b < a for a, b in pairwise(times)):
+        found.append("log time steps back")
+    return found
+
+
+def recover(path: Path, output: Path) -> Contents:
+    """Copy every message that can still be read to a new, whole recording; the same bytes as the original for a whole one."""
+    contents = salvage(path)
+    head = started(contents)
+    first_ns = contents.entries[0].log_ns
+    with RecordingWriter(output, head.software, gps_from_utc(first_ns), first_ns, contents.metadata) as writer:
+        for entry in contents.entries:
+            writer.write(entry.message, entry.log_ns)
+    return contents
