@@ -4,35 +4,38 @@
 130 interrupted. stdout is data, stderr is talk.
 """
 
+import signal
 import sys
 
-import click
 import typer
 
 from integrity.errors import ConfigError, DecodeError, RecordingError, WaysideError
-from recordings.cli import commands as app
+from recordings.cli import commands as recordings_commands
 from recordings.cli import recording_commands
 from station.cli import commands as station_commands
 
-app.add_typer(recording_commands, name="recording")
+app = typer.Typer(
+    no_args_is_help=True,
+    pretty_exceptions_enable=False,
+    help="Ground-side integrity monitoring for railways that locate their trains by satellite.",
+)
 app.add_typer(station_commands, name="station")
-app.info.help = "Ground-side integrity monitoring for railways that locate their trains by satellite."
+app.add_typer(recordings_commands)
+app.add_typer(recording_commands, name="recording")
 
 
 def main() -> None:
     """Entry point of the command `wayside`."""
+    signal.signal(signal.SIGINT, lambda *_: sys.exit(130))
     sys.exit(run(sys.argv[1:]))
 
 
 def run(arguments: list[str]) -> int:
     """Run one command; its exit code."""
     try:
-        result = app(arguments, prog_name="wayside", standalone_mode=False)
-    except (click.exceptions.NoArgsIsHelpError, click.UsageError) as error:
-        error.show()
-        return 2
-    except (click.Abort, KeyboardInterrupt):
-        return 130
+        app(arguments, prog_name="wayside")
+    except SystemExit as end:
+        return end.code if isinstance(end.code, int) else 0 if end.code is None else 1
     except ConfigError as error:
         return _refused(error, 2)
     except (DecodeError, RecordingError) as error:
@@ -42,12 +45,12 @@ def run(arguments: list[str]) -> int:
     except FileNotFoundError as error:
         return _refused(f"{error.filename}: no such file", 2 if str(error.filename).endswith(".toml") else 4)
     except OSError as error:
-        return _refused(f"{error.filename or ''}: {error.strerror}", 4)
-    return result if isinstance(result, int) else 0
+        return _refused(f"{error.filename or 'input'}: {error.strerror}", 4)
+    return 0
 
 
 def _refused(why: object, code: int) -> int:
-    typer.echo(f"wayside: {why}", err=True)
+    print(f"wayside: {why}", file=sys.stderr)
     return code
 
 

@@ -119,8 +119,10 @@ def replay(
     print(json.dumps(as_json_object(summary), indent=2) if as_json else explain(summary), end="\n" if as_json else "")
     if diff:
         lines = differences(recorded_reports(contents, start_ns, end_ns), reports)
-        for line in lines[:50]:
+        for line in lines[:20]:
             talk(line)
+        if len(lines) > 20:
+            talk(f"... and {len(lines) - 20} more")
         talk(f"{len(lines)} of {len(reports)} epochs decided differently" if lines else f"all {len(reports)} epochs decided as recorded")
         if lines:
             raise typer.Exit(1)

@@ -3,6 +3,7 @@
 `decide` is the only way from events to decisions outside a running station: import, injection, simulation and replay all use it.
 """
 
+import re
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise, zip_longest
@@ -64,12 +65,9 @@ def replayable(contents: Contents, site: SiteFile | None = None, start_ns: int |
             f"the site file has receivers {', '.join(chosen.config.receiver_names)}, the recording {', '.join(own.config.receiver_names)}: "
             "name them as recorded"
         )
-    first = 0
-    for i, entry in enumerate(contents.entries):
-        if start_ns is not None and gps_from_utc(entry.log_ns) > start_ns:
-            break
-        if isinstance(entry.message, pb.Snapshot):
-            first = i
+    snapshots = [i for i, entry in enumerate(contents.entries) if isinstance(entry.message, pb.Snapshot)]
+    before = [i for i in snapshots if start_ns is not None and gps_from_utc(contents.entries[i].log_ns) <= start_ns]
+    first = (before[-1:] or snapshots[:1] or [0])[0]
     head = contents.entries[first].message
     snapshot = decode_snapshot(head) if isinstance(head, pb.Snapshot) else None
     if snapshot is not None and chosen.config.config_sha256 != own.config.config_sha256:
@@ -113,10 +111,15 @@ def decide_and_record(
     with RecordingWriter(path, SOFTWARE, gps_ns, first.mono_ns, metadata) as writer:
         config = site.config
         head = pb.Started(
-            site=config.site_id, software=SOFTWARE, config_sha256=config.config_sha256, site_toml=site.text, gps_time_ns=gps_ns
+            site=config.site_id, software=SOFTWARE, config_sha256=config.config_sha256, site_toml=redacted(site.text), gps_time_ns=gps_ns
         )
         writer.write(head, first.mono_ns)
         return decide(site, events, snapshot, block_epochs=60, writer=writer)
+
+
+def redacted(site_toml: str) -> str:
+    """A site file without the passwords in its sources: recordings are passed on."""
+    return re.sub(r"(ntrip://[^:/@\s\"']+):[^@\s\"']*@", r"\1:***@", site_toml)
 
 
 def window(text_from: str | None, text_to: str | None) -> tuple[int | None, int | None]:

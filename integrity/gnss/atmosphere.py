@@ -4,6 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from integrity.gnss.angles import sine_cosine
 from integrity.gnss.constants import SPEED_OF_LIGHT_MPS
 from integrity.gnss.gps_time import DAY_S
 from integrity.gnss.observations import Floats
@@ -25,10 +26,12 @@ def klobuchar_delay_m(tow_s: Floats, lat_rad: Floats, lon_rad: Floats, az_rad: F
     """
     E_sc = el_rad / np.pi
     psi_sc = 0.0137 / (E_sc + 0.11) - 0.022
-    phi_i_sc = np.clip(lat_rad / np.pi + psi_sc * np.cos(az_rad), -0.416, 0.416)
-    lambda_i_sc = lon_rad / np.pi + psi_sc * np.sin(az_rad) / np.cos(phi_i_sc * np.pi)
-    phi_m_sc = phi_i_sc + 0.064 * np.cos((lambda_i_sc - 1.617) * np.pi)
-    t_s = np.mod(43_200.0 * lambda_i_sc + tow_s, DAY_S)
+    sin_az, cos_az = sine_cosine(az_rad)
+    phi_i_sc = np.clip(lat_rad / np.pi + psi_sc * cos_az, -0.416, 0.416)
+    lambda_i_sc = lon_rad / np.pi + psi_sc * sin_az / sine_cosine(phi_i_sc * np.pi)[1]
+    phi_m_sc = phi_i_sc + 0.064 * sine_cosine((lambda_i_sc - 1.617) * np.pi)[1]
+    t_s = 43_200.0 * lambda_i_sc + tow_s
+    t_s = t_s - DAY_S * np.floor(t_s / DAY_S)
 
     def cubic(c: tuple[float, float, float, float]) -> Floats:
         value: Floats = c[0] + phi_m_sc * (c[1] + phi_m_sc * (c[2] + phi_m_sc * c[3]))
@@ -39,7 +42,8 @@ def klobuchar_delay_m(tow_s: Floats, lat_rad: Floats, lon_rad: Floats, az_rad: F
     x = 2.0 * np.pi * (t_s - 50_400.0) / period_s
     x2 = x * x
     cosine = np.where(np.abs(x) < 1.57, 1.0 - x2 / 2.0 + x2 * x2 / 24.0, 0.0)
-    F = 1.0 + 16.0 * (0.53 - E_sc) ** 3
+    low_sc = 0.53 - E_sc
+    F = 1.0 + 16.0 * low_sc * low_sc * low_sc
     delay_m: Floats = SPEED_OF_LIGHT_MPS * F * (5e-9 + amplitude_s * cosine)
     return delay_m
 
@@ -65,5 +69,5 @@ def troposphere_mapping(el_rad: Floats) -> Floats:
 
     Source: Black and Eisner 1984, in the form of RTCA DO-229, A.4.2.4.
     """
-    mapping: Floats = 1.001 / np.sqrt(0.002001 + np.sin(el_rad) ** 2)
+    mapping: Floats = 1.001 / np.sqrt(0.002001 + sine_cosine(el_rad)[0] ** 2)
     return mapping

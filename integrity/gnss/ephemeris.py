@@ -11,6 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from integrity.gnss.angles import sine_cosine, turned
 from integrity.gnss.constants import (
     EARTH_ROTATION_RADPS,
     GALILEO_MU_M3PS2,
@@ -19,7 +20,7 @@ from integrity.gnss.constants import (
     GPS_RELATIVITY_SPSQRTM,
 )
 from integrity.gnss.gps_time import NS_PER_S, WEEK_NS
-from integrity.gnss.observations import Bools, Floats, Ints, freeze
+from integrity.gnss.observations import Bools, Floats, Ints, freeze, slices
 
 KEPLER_ITERATIONS = 2  # Newton from E = M + e sin M: below 1e-14 rad for e < 0.1
 
@@ -155,16 +156,23 @@ def satellite_states(ephemerides: Sequence[Ephemeris], index: Ints, t_ns: Ints) 
     """
     origin_ns = int(t_ns[0])
     t_s = ((t_ns - origin_ns) / NS_PER_S)[:, None]
-    p = Parameters(*(column.take(index, mode="wrap") for column in parameters_of(ephemerides, origin_ns)))
+    columns = parameters_of(ephemerides, origin_ns)
+    out = np.empty((11, *index.shape))
+    for few in slices(*index.shape):
+        out[:, few] = _evaluate(Parameters(*(column.take(index[few], mode="wrap") for column in columns)), t_s[few])
+    return SatelliteStates(t_ns, out[0:3], out[3:6], out[6:9], out[9], out[10])
 
+
+def _evaluate(p: Parameters, t_s: Floats) -> tuple[Floats, ...]:
+    """Position, velocity, acceleration (x, y, z each), clock and its drift; each (E, S), at times (E, 1) from the common origin."""
     t_k = t_s - p.toe_s
     M_k = p.m0 + p.n * t_k
-    E_k = M_k + p.e * np.sin(M_k)
-    sin_E, cos_E = np.sin(E_k), np.cos(E_k)
+    E_k = M_k + p.e * sine_cosine(M_k)[0]
+    sin_E, cos_E = sine_cosine(E_k)
     for _ in range(KEPLER_ITERATIONS):
         step = (M_k - E_k + p.e * sin_E) / (1.0 - p.e * cos_E)
         E_k = E_k + step
-        sin_E, cos_E = _turned(sin_E, cos_E, step)
+        sin_E, cos_E = turned(sin_E, cos_E, step)
     q = 1.0 - p.e * cos_E
     E_dot = p.n / q
 
@@ -175,8 +183,8 @@ def satellite_states(ephemerides: Sequence[Ephemeris], index: Ints, t_ns: Ints) 
     Phi_dot = E_dot * p.root / q
 
     r_k = p.A * q + p.crs * sin_2Phi + p.crc * cos_2Phi
-    sin_u, cos_u = _turned(sin_Phi, cos_Phi, p.cus * sin_2Phi + p.cuc * cos_2Phi)
-    sin_i, cos_i = _turned(p.sin_i0, p.cos_i0, p.i_dot * t_k + p.cis * sin_2Phi + p.cic * cos_2Phi)
+    sin_u, cos_u = turned(sin_Phi, cos_Phi, p.cus * sin_2Phi + p.cuc * cos_2Phi)
+    sin_i, cos_i = turned(p.sin_i0, p.cos_i0, p.i_dot * t_k + p.cis * sin_2Phi + p.cic * cos_2Phi)
     u_dot = Phi_dot * (1.0 + 2.0 * (p.cus * cos_2Phi - p.cuc * sin_2Phi))
     r_dot = p.A * p.e * sin_E * E_dot + 2.0 * Phi_dot * (p.crs * cos_2Phi - p.crc * sin_2Phi)
     i_dot = p.i_dot + 2.0 * Phi_dot * (p.cis * cos_2Phi - p.cic * sin_2Phi)
@@ -184,32 +192,23 @@ def satellite_states(ephemerides: Sequence[Ephemeris], index: Ints, t_ns: Ints) 
     x_orb, y_orb = r_k * cos_u, r_k * sin_u
     x_orb_dot, y_orb_dot = r_dot * cos_u - y_orb * u_dot, r_dot * sin_u + x_orb * u_dot
     Omega_k = p.Omega_toe + p.Omega_dot * t_k
-    sin_O, cos_O = np.sin(Omega_k), np.cos(Omega_k)
+    sin_O, cos_O = sine_cosine(Omega_k)
     y_level, tilt = y_orb * cos_i, y_orb_dot * cos_i - y_orb * sin_i * i_dot
-    pos, vel, acc = (np.empty((3, *index.shape)) for _ in range(3))
-    pos[0], pos[1], pos[2] = x_orb * cos_O - y_level * sin_O, x_orb * sin_O + y_level * cos_O, y_orb * sin_i
-    vel[0] = x_orb_dot * cos_O - tilt * sin_O - pos[1] * p.Omega_dot
-    vel[1] = x_orb_dot * sin_O + tilt * cos_O + pos[0] * p.Omega_dot
-    vel[2] = y_orb_dot * sin_i + y_level * i_dot
+    x, y, z = x_orb * cos_O - y_level * sin_O, x_orb * sin_O + y_level * cos_O, y_orb * sin_i
+    vx = x_orb_dot * cos_O - tilt * sin_O - y * p.Omega_dot
+    vy = x_orb_dot * sin_O + tilt * cos_O + x * p.Omega_dot
+    vz = y_orb_dot * sin_i + y_level * i_dot
 
-    gravity = -p.mu / (r_k * r_k * r_k)
     spin = EARTH_ROTATION_RADPS
-    acc[0] = (gravity + spin * spin) * pos[0] + 2.0 * spin * vel[1]
-    acc[1] = (gravity + spin * spin) * pos[1] - 2.0 * spin * vel[0]
-    acc[2] = gravity * pos[2]
+    gravity = -p.mu / (r_k * r_k * r_k)
+    ax = (gravity + spin * spin) * x + 2.0 * spin * vy
+    ay = (gravity + spin * spin) * y - 2.0 * spin * vx
+    az = gravity * z
 
     t_c = t_s - p.toc_s
     clock_s = p.af0 + t_c * (p.af1 + t_c * p.af2) + p.F_e_sqrt_a * sin_E
     clock_drift_sps = p.af1 + 2.0 * p.af2 * t_c + p.F_e_sqrt_a * cos_E * E_dot
-    return SatelliteStates(t_ns, pos, vel, acc, clock_s, clock_drift_sps)
-
-
-def _turned(sine: Floats, cosine: Floats, angle: Floats) -> tuple[Floats, Floats]:
-    """Sine and cosine of an angle that is larger by a small `angle`, to 1e-15 for up to 0.02 rad, without trigonometry."""
-    square = angle * angle
-    sin_d = angle * (1.0 - square / 6.0 * (1.0 - square / 20.0))
-    cos_d = 1.0 - square / 2.0 * (1.0 - square / 12.0 * (1.0 - square / 30.0))
-    return sine * cos_d + cosine * sin_d, cosine * cos_d - sine * sin_d
+    return x, y, z, vx, vy, vz, ax, ay, az, clock_s, clock_drift_sps
 
 
 class EphemerisStore:

@@ -18,6 +18,15 @@ Bools = NDArray[np.bool_]
 Ints = NDArray[np.int64]
 
 
+ELEMENTS_PER_SLICE = 12_000  # 96 kB an array
+
+
+def slices(n_epochs: int, width: int) -> list[slice]:
+    """Runs of epochs for arrays of `width` numbers an epoch: what long formulas leave behind stays in the cache. Never changes a result."""
+    step = max(1, ELEMENTS_PER_SLICE // max(1, width))
+    return [slice(e, e + step) for e in range(0, n_epochs, step)]
+
+
 def freeze(values: object) -> None:
     """Make every array in a frozen dataclass read-only; called from its `__post_init__`."""
     for field in fields(values):  # type: ignore[arg-type]

@@ -13,16 +13,18 @@ from typing import NamedTuple
 
 import numpy as np
 
+from integrity.gnss.angles import sine_cosine
 from integrity.gnss.atmosphere import Klobuchar, klobuchar_delay_m, saastamoinen_delay_m
 from integrity.gnss.constants import EARTH_ROTATION_RADPS, SPEED_OF_LIGHT_MPS
 from integrity.gnss.ephemeris import SatelliteStates
 from integrity.gnss.frames import enu_axes, geodetic_from_ecef
 from integrity.gnss.gps_time import NS_PER_S, WEEK_NS
-from integrity.gnss.observations import Bools, Floats, Ints, ObservationBlock, freeze
+from integrity.gnss.observations import Bools, Floats, Ints, ObservationBlock, freeze, slices
 
 TRAVEL_TIME_NS = 77_500_000  # midway between zenith and horizon, GPS and Galileo: states are evaluated this long before the epoch
 RELINEARISE_BEYOND_M = 1_000.0  # second order of the range: 2.5 cm at 1 km, 2.5 m at 10 km
 RELINEARISATIONS = 6  # from anywhere on Earth to below 1 mm
+LOWEST_MODELLED_RAD = float(np.deg2rad(3.0))  # below, neither atmosphere model holds; such satellites are screened out
 URA_NOMINAL_M = 2.4  # URA index 0: the accuracy for which the site's range sigmas hold
 
 
@@ -105,40 +107,55 @@ def prefit(block: ObservationBlock, states: SatelliteStates, points: Points, klo
     Satellites are moved from there to each receiver's own time of transmission by position, velocity and acceleration:
     within 0.1 mm for a receiver whose time tag is up to 0.5 s from the epoch. Without Klobuchar terms the ionosphere is left in.
     """
-    rho = block.pseudorange_m
-    t_rx_s = (block.receive_time_ns - states.t_ns[:, None]) / NS_PER_S
-    dt = t_rx_s[:, :, None] - rho / SPEED_OF_LIGHT_MPS - states.clock_s[:, None, :]
-    dt = np.where(np.isfinite(dt), dt, 0.0)
-    dts_s = states.clock_s[:, None, :] + states.clock_drift_sps[:, None, :] * dt
+    tow_s = (block.epoch_ns % WEEK_NS / NS_PER_S)[:, None, None]
+    t_rx_s = ((block.receive_time_ns - states.t_ns[:, None]) / NS_PER_S)[:, :, None]
+    satellites = np.concatenate(
+        (states.pos_ecef_m, states.vel_ecef_mps, states.acc_ecef_mps2, states.clock_s[None], states.clock_drift_sps[None])
+    )[:, :, None, :]
+    out = np.empty((6, *block.pseudorange_m.shape))
+    n_epochs, n_receivers, n_signals = block.pseudorange_m.shape
+    for few in slices(n_epochs, n_receivers * n_signals):
+        there = points if len(points.pos_ecef_m) == 1 else Points(*(p[few] for p in points))
+        out[:, few] = _residuals(block.pseudorange_m[few], t_rx_s[few], tow_s[few], satellites[:, few], there, klobuchar)
+    return Prefit(residual_m=out[0], los_enu=out[1:4], el_rad=out[4], az_rad=out[5])
 
-    x, y, z = (
-        p[:, None, :] + dt * (v[:, None, :] + (0.5 * dt) * a[:, None, :])
-        for p, v, a in zip(states.pos_ecef_m, states.vel_ecef_mps, states.acc_ecef_mps2, strict=True)
-    )
+
+def _residuals(rho: Floats, t_rx_s: Floats, tow_s: Floats, satellites: Floats, points: Points, klobuchar: Klobuchar | None) -> list[Floats]:
+    """Residual, line of sight (east, north, up), elevation, azimuth; each (E, R, S)."""
+    x_0, y_0, z_0, vx, vy, vz, ax, ay, az, clock_s, clock_drift_sps = satellites
+    dt = t_rx_s - rho / SPEED_OF_LIGHT_MPS - clock_s
+    dt = np.where(np.isfinite(dt), dt, 0.0)
+    half_dt = 0.5 * dt
+    x, y, z = x_0 + dt * (vx + half_dt * ax), y_0 + dt * (vy + half_dt * ay), z_0 + dt * (vz + half_dt * az)
+    dts_s = clock_s + clock_drift_sps * dt
+
     x_r, y_r, z_r = (points.pos_ecef_m[..., i, None] for i in range(3))
     dx, dy, dz = x - x_r, y - y_r, z - z_r
     distance_m = np.sqrt(dx * dx + dy * dy + dz * dz)
     sagnac_m = (EARTH_ROTATION_RADPS / SPEED_OF_LIGHT_MPS) * (x * y_r - y * x_r)
 
     axes = points.enu[..., None]
-    los_enu = np.stack([(axes[:, :, i, 0] * dx + axes[:, :, i, 1] * dy + axes[:, :, i, 2] * dz) / distance_m for i in range(3)])
-    el_rad = np.arcsin(np.clip(los_enu[2], -1.0, 1.0))
-    az_rad = np.arctan2(los_enu[0], los_enu[1])
+    east, north, up = ((axes[:, :, i, 0] * dx + axes[:, :, i, 1] * dy + axes[:, :, i, 2] * dz) / distance_m for i in range(3))
+    el_rad = np.arcsin(np.clip(up, -1.0, 1.0))
+    az_rad = np.arctan2(east, north)
 
     lat, lon, height = points.lat_rad[..., None], points.lon_rad[..., None], points.height_m[..., None]
-    el_air = np.maximum(el_rad, np.deg2rad(3.0))  # below, neither model holds; such satellites are screened out
+    el_air = np.maximum(el_rad, LOWEST_MODELLED_RAD)
     delay_m = saastamoinen_delay_m(lat, height, el_air)
     if klobuchar is not None:
-        tow_s = (block.epoch_ns % WEEK_NS / NS_PER_S)[:, None, None]
         delay_m = delay_m + klobuchar_delay_m(tow_s, lat, lon, az_rad, el_air, klobuchar)
     modelled_m = distance_m + sagnac_m - SPEED_OF_LIGHT_MPS * dts_s + delay_m
-    return Prefit(rho - modelled_m, los_enu, el_rad, az_rad)
+    return [rho - modelled_m, east, north, up, el_rad, az_rad]
 
 
 def range_sigma_m(el_rad: Floats, a_m: float, b_m: float, accuracy_m: Floats | float = URA_NOMINAL_M) -> Floats:
-    """Standard deviation of a range, m: (URA / 2.4 m) sqrt(a^2 + (b / sin el)^2); shape of el_rad, elevations below 3 deg as 3 deg."""
-    sin_el = np.sin(np.maximum(el_rad, np.deg2rad(3.0)))
-    sigma_m: Floats = (accuracy_m / URA_NOMINAL_M) * np.sqrt(a_m**2 + (b_m / sin_el) ** 2)
+    """Standard deviation of a range, m: (URA / 2.4 m) sqrt(a^2 + (b / sin el)^2); shape of el_rad.
+
+    Elevations below 3 deg count as 3 deg, an accuracy better than 2.4 m as 2.4 m: a satellite cannot make itself infinitely good.
+    """
+    sin_el, _ = sine_cosine(np.maximum(el_rad, LOWEST_MODELLED_RAD))
+    scale = np.maximum(accuracy_m, URA_NOMINAL_M) / URA_NOMINAL_M
+    sigma_m: Floats = scale * np.sqrt(a_m**2 + (b_m / sin_el) ** 2)
     return sigma_m
 
 
@@ -153,28 +170,24 @@ def solve(residual_m: Floats, los_enu: Floats, sigma_m: Floats, used: Bools, sys
     y = np.where(used, residual_m, 0.0)
     u = np.where(used, los_enu, 0.0)
 
-    members = [system_of == k for k in range(n_systems)]
-    weight = np.stack([np.where(m, w, 0.0).sum(axis=-1) for m in members], axis=-1)  # (E, R, K)
-    count = np.stack([(used & m).sum(axis=-1) for m in members], axis=-1)
+    member = (system_of[:, None] == np.arange(n_systems)).astype(np.float64)  # (S, K)
+    weight = _per_system(w, member)  # (E, R, K)
+    count = _per_system(used.astype(np.float64), member)
     safe = np.where(weight > 0.0, weight, 1.0)
+    y_mean = _per_system(w * y, member) / safe
+    wu = w * u
+    u_mean = _per_system(wu, member) / safe  # (3, E, R, K)
+    dy = y - y_mean[..., system_of]
 
-    def mean_of_system(v: Floats) -> Floats:
-        return np.stack([np.where(m, w * v, 0.0).sum(axis=-1) for m in members], axis=-1) / safe
-
-    y_mean = mean_of_system(y)
-    u_mean = np.stack([mean_of_system(c) for c in u])  # (3, E, R, K)
-    dy = np.where(used, y - y_mean[..., system_of], 0.0)
-    du = np.where(used, u - u_mean[..., system_of], 0.0)
-
-    wdu = w * du
-    N = _symmetric(wdu, du)
+    N = _symmetric(wu, u) - _symmetric(weight * u_mean, u_mean)
     C, determinant = _inverse(N)
-    b = -(wdu * dy).sum(axis=-1)  # a range shrinks when the receiver moves towards the satellite
+    b = -(wu * dy).sum(axis=-1)  # a range shrinks when the receiver moves towards the satellite
     e = np.stack([(C[i] * b).sum(axis=0) for i in range(3)], axis=-1)
 
     n_used = used.sum(axis=-1)
     n_clocks = (count > 0).sum(axis=-1)
-    Q, q_determinant = _inverse(_symmetric(_centred_equally(u, used, members, count), None))
+    plain_mean = _per_system(u, member) / np.maximum(count, 1.0)
+    Q, q_determinant = _inverse(_symmetric(u, u) - _symmetric(count * plain_mean, plain_mean))
     with np.errstate(invalid="ignore"):
         hdop, vdop = np.sqrt(Q[0, 0] + Q[1, 1]), np.sqrt(Q[2, 2])
         poor = ~((q_determinant > 0.0) & (determinant > 0.0) & (np.hypot(hdop, vdop) <= 100.0) & np.isfinite(e).all(axis=-1))
@@ -260,24 +273,18 @@ def _epochs_of_states(states: SatelliteStates, epochs: Ints) -> SatelliteStates:
     )
 
 
-def _centred_equally(u: Floats, used: Bools, members: list[Bools], count: Ints) -> Floats:
-    """Unit vectors minus the plain mean of their constellation: the geometry matrix of equal weights, clocks eliminated."""
-    safe = np.maximum(count, 1)
-    centred = np.zeros_like(u)
-    for k, m in enumerate(members):
-        of_system = used & m
-        mean = np.where(of_system, u, 0.0).sum(axis=-1) / safe[..., k]
-        centred += np.where(of_system, u - mean[..., None], 0.0)
-    return centred
+def _per_system(v: Floats, member: Floats) -> Floats:
+    """Sums of (..., S) over the satellites of each constellation, (..., K)."""
+    sums: Floats = np.einsum("...s,sk->...k", v, member)
+    return sums
 
 
-def _symmetric(a: Floats, b: Floats | None) -> Floats:
-    """Sums over the last axis of a_i b_j, (3, 3, ...), for a, b (3, ..., S) of which the product is symmetric; b is a when None."""
-    b = a if b is None else b
+def _symmetric(a: Floats, b: Floats) -> Floats:
+    """Sums over the last axis of a_i b_j, (3, 3, ...), for a, b (3, ..., S) whose product is symmetric in i and j."""
     N = np.empty((3, 3, *a.shape[1:-1]))
     for i in range(3):
         for j in range(i, 3):
-            N[i, j] = N[j, i] = (a[i] * b[j]).sum(axis=-1)
+            N[i, j] = N[j, i] = np.einsum("...s,...s->...", a[i], b[j])
     return N
 
 

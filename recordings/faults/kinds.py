@@ -34,7 +34,8 @@ def _near_the_ground(point: EnuM | None) -> EnuM | None:
 
 
 Satellite = Annotated[
-    str, Field(pattern="^(G(0[1-9]|[12][0-9]|3[0-2])|E(0[1-9]|[12][0-9]|3[0-6]))$", description='a satellite, "G01" to "G32" or "E01" to "E36"')
+    str,
+    Field(pattern="^(G(0[1-9]|[12][0-9]|3[0-2])|E(0[1-9]|[12][0-9]|3[0-6]))$", description='a satellite, "G01" to "G32" or "E01" to "E36"'),
 ]
 Receiver = Annotated[str, Field(description='the name of one of the site\'s receivers, such as "A"')]
 Receivers = Annotated[tuple[str, ...], Field(strict=False, min_length=1, description='a list of the site\'s receivers, such as ["A", "B"]')]
@@ -144,9 +145,7 @@ class TwoReceivers(Section):
     """All ranges of two receivers are as if their antennas stood elsewhere, by the same offset."""
 
     kind: ClassVar = "two_receivers"
-    receivers: Annotated[
-        tuple[str, str], Field(strict=False, description='a list of two of the site\'s receivers, such as ["A", "B"]')
-    ]
+    receivers: Annotated[tuple[str, str], Field(strict=False, description='a list of two of the site\'s receivers, such as ["A", "B"]')]
     offset_enu_m: Enu
 
 

@@ -24,7 +24,9 @@ INCOHERENT_CLOCK_M = 300.0  # own choice: 1 us between the spoofer's time and GP
 Rows = Mapping[int, ObservationRow]  # by place in the events, with the faults so far
 
 
-def with_ranges_changed(fault: Fault, effect: RangeEffect, truth: Truth, hit: Sequence[RecordedRow], rows: Rows) -> Iterator[tuple[int, ObservationRow]]:
+def with_ranges_changed(
+    fault: Fault, effect: RangeEffect, truth: Truth, hit: Sequence[RecordedRow], rows: Rows
+) -> Iterator[tuple[int, ObservationRow]]:
     """The rows that the fault changes, by place."""
     for seen, change in _changes(fault, effect, truth, hit):
         delta_m, rate_mps = (np.where(np.isfinite(part), part, 0.0) for part in change)
@@ -55,15 +57,15 @@ def _of_satellite(row: ObservationRow, satellite: str, delta_m: float, rate_mps:
     return RangeChange(np.where(struck, delta_m, 0.0), np.where(struck, rate_mps, 0.0))
 
 
-def _apparent_antenna(
-    fault: Fault, effect: RangeEffect, truth: Truth, run: Sequence[RecordedRow]
-) -> tuple[Points, Floats, float]:
+def _apparent_antenna(fault: Fault, effect: RangeEffect, truth: Truth, run: Sequence[RecordedRow]) -> tuple[Points, Floats, float]:
     """Where the antenna of a run of rows seems to be (E, 1), how it moves there in ECEF (E, 1, 3), and a step of all its ranges, m."""
     here = surveyed(truth, run[0].row.receiver)
     elapsed_s = np.array([_elapsed_s(fault, seen) for seen in run])[:, None, None]
     match effect:
         case Spoofing():
-            start = surveyed(truth, effect.receivers[0]) if effect.position_ecef_m is None else points_at(np.array([effect.position_ecef_m]))
+            start = (
+                surveyed(truth, effect.receivers[0]) if effect.position_ecef_m is None else points_at(np.array([effect.position_ecef_m]))
+            )
             drift = np.broadcast_to(effect.drift_mps * start.enu[:, :, 0], (len(run), 1, 3))
             clock_m = 0.0 if effect.coherent else INCOHERENT_CLOCK_M
             return points_at(start.pos_ecef_m + elapsed_s * drift), drift, clock_m
@@ -78,8 +80,9 @@ def _apparent_antenna(
 
 
 def _under_the_same_air(here: Points, offset_ecef_m: Floats) -> Points:
-    """Points (E, 1) beside the surveyed one with its atmosphere: only the geometry differs."""
-    return here._replace(pos_ecef_m=here.pos_ecef_m + offset_ecef_m)
+    """Points (E, 1) beside the surveyed one with its latitude, longitude and height: only the geometry differs."""
+    same = (np.broadcast_to(part, (len(offset_ecef_m), *part.shape[1:])) for part in here[1:])
+    return Points(here.pos_ecef_m + offset_ecef_m, *same)
 
 
 def _elapsed_s(fault: Fault, seen: RecordedRow) -> float:
@@ -95,7 +98,9 @@ def _moved(row: ObservationRow, change: RangeChange) -> ObservationRow:
     )
 
 
-def _acquired_anew(row: ObservationRow, captured: np.ndarray[tuple[int, ...], np.dtype[np.bool_]], elapsed_s: float, interval_s: float) -> ObservationRow:
+def _acquired_anew(
+    row: ObservationRow, captured: np.ndarray[tuple[int, ...], np.dtype[np.bool_]], elapsed_s: float, interval_s: float
+) -> ObservationRow:
     return replace(
         row,
         slip=row.slip | (captured & (elapsed_s < interval_s)),

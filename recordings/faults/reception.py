@@ -21,7 +21,7 @@ CODE_NOISE_M = 0.3  # at 45 dB-Hz, see code_noise_m
 
 
 def code_noise_m(cn0_dbhz: Floats) -> Floats:
-    """Standard deviation of the code noise, 0.3 m * 10^((45 - C/N0) / 20): thermal noise of a delay lock loop, early and late correlators."""
+    """Standard deviation of the code noise: 0.3 m at 45 dB-Hz, growing as the thermal noise of a delay lock loop, tenfold in 20 dB."""
     sigma_m: Floats = CODE_NOISE_M * 10.0 ** ((45.0 - cn0_dbhz) / 20.0)
     return sigma_m
 
@@ -78,7 +78,7 @@ def with_deadline_ticks(events: Sequence[Event], receivers: Sequence[str], site:
     """
     limit_ns = max(2 * site.epoch_interval_ns, 2 * NS_PER_S)
     out: list[Event] = []
-    heard_ns = {receiver: events[0].mono_ns for receiver in receivers}
+    heard_ns = dict.fromkeys(receivers, events[0].mono_ns)
     clock: Tick | None = None
     for event in events:
         for deadline_ns in sorted({heard + limit_ns + 1 for heard in heard_ns.values()}):

@@ -80,7 +80,9 @@ def read_faults(document: TomlDocument, first_epoch_ns: int, site: SiteConfig) -
     return faults, problems
 
 
-def _effect(document: TomlDocument, parts: Parts, table: Mapping[str, Any], receivers: Sequence[str]) -> tuple[Effect | None, list[Problem]]:
+def _effect(
+    document: TomlDocument, parts: Parts, table: Mapping[str, Any], receivers: Sequence[str]
+) -> tuple[Effect | None, list[Problem]]:
     kind = table.get("kind")
     if not isinstance(kind, str) or kind not in KINDS:
         hint = did_you_mean(kind, KINDS) if isinstance(kind, str) else ""

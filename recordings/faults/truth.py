@@ -95,8 +95,9 @@ def elevations_rad(truth: Truth, run: Sequence[RecordedRow]) -> list[Floats]:
 def range_changes(truth: Truth, run: Sequence[RecordedRow], there: Points, velocity_ecef_mps: Floats) -> list[RangeChange]:
     """What the ranges would be `there` minus what they are at the surveyed point; rows of one receiver, points and velocities (E, 1, 3).
 
-    Distance and the Earth's rotation exactly (to 0.01 mm), troposphere and ionosphere by the models of the monitor, for the geodetic
-    coordinates that `there` states: with those of the surveyed point the air is the same. Rates to 0.01 mm/s per km of displacement.
+    Distance and the Earth's rotation exactly (to 0.01 mm), troposphere and ionosphere by the models of the monitor at the latitude,
+    longitude and height that `there` states: with those of the surveyed point only the slant differs, 0.1 mm per 100 m. Rates to
+    0.01 mm/s per km of displacement.
     """
     here = surveyed(truth, run[0].row.receiver)
     block, states = _block_and_states(truth, run)

@@ -92,17 +92,15 @@ class Line(NamedTuple):
 
 
 def thin(x_px: Floats, y_px: Floats, runs: Ints) -> Line:
-    """A line of which every pixel column keeps its lowest and its highest point: no outlier is lost. NaN breaks the line."""
+    """A line of which every pixel column keeps its highest point, which is the largest value: no outlier is lost. NaN breaks it."""
     drawn = np.isfinite(y_px)
     run = np.cumsum(np.concatenate([[0], (np.diff(runs) != 0) | ~drawn[:-1]]))[drawn]
     x, y = x_px[drawn], y_px[drawn]
     if not x.size:
         return Line([], False)
     column = np.floor(x)
-    order = np.lexsort((y, run, column))
-    first = np.concatenate([[True], (np.diff(column[order]) != 0) | (np.diff(run[order]) != 0)])
-    last = np.append(first[1:], True)
-    kept = np.unique(np.concatenate([order[first], order[last]]))
+    order = np.lexsort((y, column))
+    kept = np.sort(order[np.concatenate([[True], np.diff(column[order]) != 0])])
     points = np.stack([x[kept], y[kept]], axis=-1)
     pieces = np.split(points, np.flatnonzero(np.diff(run[kept])) + 1)
     return Line(pieces, kept.size < x.size)

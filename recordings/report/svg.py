@@ -23,6 +23,12 @@ _NOT_IN_XML = re.compile("[^\t\n\r\u0020-\ud7ff\ue000-\ufffd\U00010000-\U0010fff
 _ENTITIES = {"&": "&amp;", "<": "&lt;", ">": "&gt;", '"': "&quot;"}
 
 _ASCENT_EM, _DESCENT_EM = 0.80, 0.22  # of letters and digits; accents may rise above
+# Advance widths of DejaVu Sans for U+0020 to U+007E, in hundredths of an em, rounded up; read from the font's own `hmtx` table.
+_WIDTHS = (
+    *(32, 41, 46, 84, 64, 96, 78, 28, 40, 40, 50, 84, 32, 37, 32, 34, 64, 64, 64, 64, 64, 64, 64, 64, 64, 64, 34, 34, 84, 84, 84, 54),
+    *(100, 69, 69, 70, 78, 64, 58, 78, 76, 30, 30, 66, 56, 87, 75, 79, 61, 79, 70, 64, 62, 74, 69, 99, 69, 62, 69, 40, 34, 40, 84, 50),
+    *(50, 62, 64, 55, 64, 62, 36, 64, 64, 28, 28, 58, 28, 98, 64, 62, 64, 64, 42, 53, 40, 64, 60, 82, 60, 60, 53, 64, 34, 64, 84),
+)
 _MONTHS = ("Jan", "Feb", "Mar", "Apr", "May", "Jun", "Jul", "Aug", "Sep", "Oct", "Nov", "Dec")
 _TIME_STEPS_S = (1, 2, 5, 10, 15, 30, 60, 120, 300, 600, 900, 1800, 3600, 7200, 10_800, 14_400, 21_600, 43_200)
 
@@ -47,7 +53,7 @@ class Drawing:
         self._lines: list[str] = []
         self.text_boxes: list[Box] = []
 
-    def add(self, name: str, content: str | None = None, **attributes: Value) -> None:
+    def add(self, name: str, content: str | None = None, /, **attributes: Value) -> None:
         """One element; an underscore in an attribute's name is written as a hyphen, `content` is escaped."""
         written = "".join(f' {key.rstrip("_").replace("_", "-")}="{_value(value)}"' for key, value in attributes.items())
         self._lines.append(f"<{name}{written}/>" if content is None else f"<{name}{written}>{escape(content)}</{name}>")
@@ -133,16 +139,15 @@ def path(points: Iterable[tuple[float, float]], closed: bool = False) -> str:
 
 
 def text_width_px(text: str, size: float, bold: bool = False) -> float:
-    """Width of a text, from above: glyph widths of DejaVu Sans, the widest of the fonts that may be taken, rounded up by class."""
-    return size * sum(map(_glyph_em, text)) * (1.1 if bold else 1.0)
+    """Width of a text, from above: in DejaVu Sans, the widest of the fonts that may be taken; its bold is up to 15 % wider."""
+    return size * sum(map(_glyph_em, text)) * (1.15 if bold else 1.0)
 
 
 def _glyph_em(c: str) -> float:
-    if c in "iljI'|.,:; !()[]/-ftr":
-        return 0.42
-    if c in "mwMW@%—…" or ord(c) >= 0x2E80:  # from there on, mostly ideographs: a full square
-        return 1.02
-    return 0.75 if c.isupper() else 0.64
+    code = ord(c)
+    if 0x20 <= code < 0x7F:
+        return _WIDTHS[code - 0x20] / 100
+    return 0.8 if code < 0x2000 else 1.02  # accented letters; dashes, and ideographs, which fill a square
 
 
 def text_box(x: float, y: float, content: str, size: float, anchor: Anchor = "start", bold: bool = False) -> Box:
@@ -160,6 +165,22 @@ def fitted(text: str, size: float, width: float, bold: bool = False) -> str:
     while keep and text_width_px(text[:keep].rstrip() + "…", size, bold) > width:
         keep -= 1
     return text[:keep].rstrip() + "…"
+
+
+def metres(value: float) -> str:
+    """A length as people say it."""
+    if value >= 1000.0:
+        return f"{rounded(value / 1000.0)} km"
+    return f"{rounded(value)} m"
+
+
+def rounded(value: float) -> str:
+    """A number to three figures."""
+    if not math.isfinite(value):
+        return "infinite"
+    if value >= 1e5:
+        return f"{value:.1e}".replace("e+0", "e").replace("e+", "e")
+    return f"{value:.0f}" if value >= 99.5 else f"{value:.3g}"
 
 
 def nice_step(span: float, most: int) -> float:

@@ -180,7 +180,7 @@ def _read_rows(text: RinexText, header: Header, types: dict[str, list[str]], rec
         if special or flag == "6":
             at = stop
             continue
-        if rinex2 and stop < len(lines) and False:
+        if rinex2 and stop < len(lines) and "." in lines[stop][10::16]:
             problems["epoch longer than it says"] += 1  # one more data line: it cannot be told which one is too many
             at = next_epoch(stop)
             continue

@@ -135,7 +135,7 @@ def _unpacked(path: Path, data: bytes) -> tuple[bytes, bool]:
 def read_header(text: RinexText, kind: str, versions: Sequence[tuple[float, float]]) -> Header:
     """The header of a file of a kind (`O` or `N`) whose version is in one of the ranges; DecodeError for any other file."""
     number, label, content = _header_line(1, text.lines[0])
-    if label in ("CRINEX VERS   / TYPE", "COMPACT RINEX FORMAT") or content.startswith("COMPACT RINEX", 20):
+    if label == "CRINEX VERS   / TYPE":
         raise broken(text.path, number, "Hatanaka-compressed RINEX", KINDS[kind] + " as plain RINEX", "expand the file with CRX2RNX first")
     if label != "RINEX VERSION / TYPE":
         found = repr(text.lines[0][:80])

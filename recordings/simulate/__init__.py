@@ -1,0 +1,1 @@
+"""Measurements of a site that nobody made: satellites, errors and receivers from a seed, for demonstrations, tests and campaigns."""

@@ -10,7 +10,7 @@ import tempfile
 from pathlib import Path
 
 import numpy as np
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from integrity.errors import DecodeError
@@ -136,6 +136,7 @@ def pseudoranges(rows: tuple[ObservationRow, ...]) -> dict[tuple[int, str], floa
     return {(row.receive_time_ns, signal): row.pseudorange_m[k] for row in rows for k, signal in enumerate(row.signals)}
 
 
+@settings(deadline=None)  # it writes and reads a file
 @given(damaged(OBSERVATIONS))
 def test_damaged_observations_are_refused_or_possible(data: bytes) -> None:
     file = observations_of(data)
@@ -146,6 +147,7 @@ def test_damaged_observations_are_refused_or_possible(data: bytes) -> None:
         assert (np.isnan(row.cn0_dbhz) | ((row.cn0_dbhz > 0.0) & (row.cn0_dbhz <= 70.0))).all()
 
 
+@settings(deadline=None)  # it writes and reads a file
 @given(shifted(OBSERVATIONS))
 def test_lost_or_added_bytes_never_make_a_pseudorange(pair: tuple[bytes, bytes]) -> None:
     whole, file = (observations_of(data) for data in pair)
@@ -155,6 +157,7 @@ def test_lost_or_added_bytes_never_make_a_pseudorange(pair: tuple[bytes, bytes])
         assert abs(pseudorange_m - expected[key]) < 1.0
 
 
+@settings(deadline=None)  # it writes and reads a file
 @given(damaged(NAVIGATION))
 def test_damaged_navigation_is_refused_or_possible(data: bytes) -> None:
     file = navigation_of(data)

@@ -151,6 +151,7 @@ def test_gps_fit_interval_in_hours_or_as_flag_or_not_at_all(tmp_path: Path, fit_
     ("written", "seconds_before_toe"),
     [
         (" .406800000000D+06", 3104),
+        (" .411000000000D+06", -1096),  # Galileo sends a set hours after its reference time
         ("-.198000000000D+06", 3104),  # counted back from the end of the week: 406800 - 604800
         (" .101160000000D+07", 3104),  # counted on from the week before
         (" .999900000000D+09", 7200),  # RINEX 2.11, 6.8: unknown
@@ -168,6 +169,17 @@ def test_transmission_before_midnight_of_a_toe_in_the_new_week(tmp_path: Path) -
     (eph,) = read(tmp_path, HEADER_2 + START_2.replace(" 2 17 51 44.0", " 5  0  0  0.0") + orbit).ephemerides
     assert eph.toe_ns == gps_from_week(1026, 0.0)
     assert eph.transmission_ns == gps_from_week(1025, 597_600.0)
+
+
+def test_clock_reference_time_to_a_tenth_of_a_second(tmp_path: Path) -> None:
+    (eph,) = read(tmp_path, HEADER_2 + START_2.replace("51 44.0", "51 44.3") + ORBIT_2).ephemerides
+    assert eph.toc_ns == TOE_NS + 300_000_000
+
+
+def test_reference_time_in_the_week_after_that_of_the_clock(tmp_path: Path) -> None:
+    orbit = ORBIT_2.replace(".409904000000D+06", ".720000000000D+04").replace(".102500000000D+04", ".102600000000D+04")
+    (eph,) = read(tmp_path, HEADER_2 + START_2.replace(" 2 17 51 44.0", " 4 23  0  0.0") + orbit).ephemerides
+    assert eph.toe_ns == gps_from_week(1026, 7200.0)
 
 
 @pytest.mark.parametrize("week", [".100000000000D+01", ".000000000000D+00", " " * 17])
@@ -198,6 +210,7 @@ def test_other_systems_are_passed_over_whatever_their_length(tmp_path: Path) -> 
         (".626740418375D-02", ".626740418375D+00", "eccentricity 0.6267, expected 0 to 0.1"),
         (".515365489006D+04", "              nan", "field not a number"),
         (".515365489006D+04", "*****************", "field not a number"),
+        (".515365489006D+04", ".51536548900D+999", "field not a number"),
         (".515365489006D+04", ".5153654890D+9999", "field not a number"),
         (".515365489006D+04", " " * 17, "a parameter is not a number"),
         (".910000000000D+02  .93", "                   .93", "field missing"),

@@ -82,6 +82,20 @@ def test_rinex2_header(tmp_path: Path) -> None:
     assert file.approx_position_ecef_m == (4789013.0077, 176610.1555, 4195034.8091)
 
 
+@pytest.mark.parametrize("interval", ["    0.0000", "     often"])
+def test_header_without_a_usable_interval(tmp_path: Path, interval: str) -> None:
+    assert read(tmp_path, HEADER_2.replace("   30.0000", interval) + EPOCH_2 + G05_2 + R12_2).interval_s is None
+
+
+def test_position_of_zeros_is_none(tmp_path: Path) -> None:
+    text = HEADER_2.replace("  4789013.0077   176610.1555  4195034.8091", f"{0.0:14.4f}" * 3)
+    assert read(tmp_path, text + EPOCH_2 + G05_2 + R12_2).approx_position_ecef_m is None
+
+
+def test_unreadable_header_field_is_counted(tmp_path: Path) -> None:
+    assert read(tmp_path, HEADER_2.replace("    15", "    xv") + EPOCH_2 + G05_2 + R12_2).problems == {"LEAP SECONDS not readable": 1}
+
+
 def test_rinex2_signals_of_gps_only_with_their_quantities(tmp_path: Path) -> None:
     (row,) = read(tmp_path, HEADER_2 + EPOCH_2 + G05_2 + R12_2).rows
     assert (row.receiver, row.receive_time_ns, row.signals) == ("A", THURSDAY_NS, ("G05.1C",))
@@ -157,6 +171,12 @@ def test_blank_and_zero_pseudoranges_are_not_measured(tmp_path: Path) -> None:
 def test_a_field_that_is_no_number_is_missing_and_counted(tmp_path: Path, damage: str) -> None:
     file = read(tmp_path, HEADER_3 + EPOCH_3.replace("21000000.123", damage))
     assert file.rows[0].signals == ("E11.1X",)
+    assert file.problems == {"field not a number": 1}
+
+
+def test_a_field_with_a_digit_lost_is_not_taken_for_a_smaller_number(tmp_path: Path) -> None:
+    file = read(tmp_path, HEADER_3 + EPOCH_3.replace("38.250\n", "8.250\n"))
+    assert np.isnan(file.rows[0].cn0_dbhz[1])
     assert file.problems == {"field not a number": 1}
 
 
@@ -236,6 +256,11 @@ def test_unreadable_epoch_line_costs_one_epoch(tmp_path: Path) -> None:
     assert file.problems == {"epoch line not readable": 1}
 
 
+@pytest.mark.parametrize(("year", "rows"), [("1979", 0), ("1981", 1), ("2079", 1), ("2080", 0)])
+def test_years_that_no_receiver_can_have_measured_in(tmp_path: Path, year: str, rows: int) -> None:
+    assert len(read(tmp_path, HEADER_3 + EPOCH_3.replace("2010", year)).rows) == rows
+
+
 def test_impossible_time_costs_one_epoch(tmp_path: Path) -> None:
     file = read(tmp_path, HEADER_3 + EPOCH_3.replace(" 03 18", " 02 30") + EPOCH_3)
     assert len(file.rows) == 1
@@ -255,7 +280,7 @@ def test_rinex2_epoch_with_a_line_too_many_is_dropped(tmp_path: Path) -> None:
     assert file.problems == {"epoch longer than it says": 1}
 
 
-@pytest.mark.parametrize("listed", ["G 5   ", "G 5R12G 7", "G 512 R", "   G 5R12"])
+@pytest.mark.parametrize("listed", ["G 5   ", "G 5R12G 7", "G 512R", "   G 5R12"])
 def test_rinex2_epoch_whose_list_does_not_name_as_many_satellites_as_it_says_is_dropped(tmp_path: Path, listed: str) -> None:
     file = read(
         tmp_path, HEADER_2 + EPOCH_2.replace("G 5R12", f"{listed:9}")[:68].rstrip() + "\n" + G05_2 + R12_2 + EPOCH_2 + G05_2 + R12_2

@@ -1,0 +1,97 @@
+"""A satellite that broadcasts a wrong orbit: the ephemeris displaced along, across or in height, and what a station would then receive."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+from math import cos, sqrt
+from typing import Literal
+
+import numpy as np
+
+from integrity.errors import ConfigError
+from integrity.events import EphemerisReceived, Event
+from integrity.gnss.constants import EARTH_ROTATION_RADPS, GALILEO_MU_M3PS2, GPS_MU_M3PS2
+from integrity.gnss.ephemeris import Ephemeris, satellite_states
+from recordings.faults.kinds import WrongEphemeris
+from recordings.faults.scenario import Fault
+from recordings.faults.truth import RecordedRow, Truth
+
+ISSUES = {"G": 256, "E": 1024}  # how many values IODE and IODnav have
+
+
+@dataclass(frozen=True)
+class NavigationEdits:
+    """Events to put before the one at a place, and events to put in the place of another."""
+
+    before: dict[int, list[Event]] = field(default_factory=dict)
+    instead: dict[int, Event] = field(default_factory=dict)
+
+
+def displaced(true: Ephemeris, offset_m: float, direction: Literal["along", "cross", "radial"], gps_ns: int) -> Ephemeris:
+    """The ephemeris with its orbit displaced by `offset_m` at a GPS time: in the direction of flight, along the orbit's normal, or up.
+
+    Along and up the displacement stays within 1 % for an hour at e < 0.02, across it turns with the satellite: cos(30 deg) of it is left
+    after an hour. Parameters of IS-GPS-200, table 20-IV; the corrections for harmonics stay, their change is below 1e-4 of the offset.
+    """
+    states = satellite_states([true], np.array([[0]]), np.array([gps_ns]))
+    pos, vel = states.pos_ecef_m[:, 0, 0], states.vel_ecef_mps[:, 0, 0]
+    r = float(np.linalg.norm(pos))
+    A = true.sqrt_a**2
+    if direction == "along":
+        # |v| = n A sqrt((1 + e cos E) / (1 - e cos E)), with 1 - e cos E = r / A
+        return replace(true, m0=true.m0 + offset_m / A * sqrt((r / A) / (2.0 - r / A)))
+    if direction == "radial":
+        mu = GALILEO_MU_M3PS2 if true.satellite[0] == "E" else GPS_MU_M3PS2
+        A_new = A + offset_m * A / r
+        return replace(true, sqrt_a=sqrt(A_new), delta_n=true.delta_n + sqrt(mu / A**3) - sqrt(mu / A_new**3))
+    # A rotation about the axis that lies in the orbit, 90 deg from the satellite: it lifts the satellite along the normal h.
+    h = np.cross(pos, vel + np.cross([0.0, 0.0, EARTH_ROTATION_RADPS], pos))
+    node = np.cross([0.0, 0.0, 1.0], h)
+    cos_u = float(pos @ node / (r * np.linalg.norm(node)))
+    sin_u = float(np.cross(node, pos) @ h / (r * np.linalg.norm(node) * np.linalg.norm(h)))
+    sin_i = float(np.linalg.norm(node) / np.linalg.norm(h))
+    turned = -offset_m / r * cos_u / sin_i
+    return replace(
+        true, i0=true.i0 + offset_m / r * sin_u, omega0=true.omega0 + turned, omega=true.omega - turned * cos(true.i0)
+    )  # the last takes the turn of the node out of the argument of latitude: nothing along the orbit
+
+
+def wrong_navigation(
+    fault: Fault, effect: WrongEphemeris, truth: Truth, hit: Sequence[RecordedRow], events: Sequence[Event]
+) -> NavigationEdits:
+    """The displaced ephemeris enters before the first faulty epoch, transmitted when the fault starts; every one of the satellite that
+    arrives during the fault is displaced likewise; the newest true one enters before the first epoch after it.
+
+    ConfigError where no ephemeris of the satellite serves at the start, or the displaced one is no orbit.
+    """
+    first, after = hit[0].place, next((s.place for s in truth.rows if s.place > hit[-1].place and not fault.covers(s.epoch_ns)), None)
+    store = truth.store
+    arrived = np.array([hit[0].arrived])
+    serving = int(store.choose([effect.satellite], np.array([hit[0].epoch_ns]), arrived)[0, 0])
+    if serving < 0:
+        raise ConfigError(f"{fault}: no ephemeris of {effect.satellite} had arrived by then; choose a later start or another satellite")
+    edits = NavigationEdits()
+    true = store.ephemerides[serving]
+    sent_ns = max(fault.start_ns, true.transmission_ns + 1)
+    new_issue = (true.issue + 1) % ISSUES[true.satellite[0]]
+    entering = replace(_wrong(fault, effect, true, sent_ns), issue=new_issue, transmission_ns=sent_ns)
+    edits.before[first] = [EphemerisReceived(events[first].mono_ns, entering)]
+    newest = true
+    for place in range(first, len(events) if after is None else after):
+        event = events[place]
+        if isinstance(event, EphemerisReceived) and event.ephemeris.satellite == effect.satellite:
+            edits.instead[place] = replace(
+                event, ephemeris=_wrong(fault, effect, event.ephemeris, max(sent_ns, event.ephemeris.transmission_ns))
+            )
+            newest = max(newest, event.ephemeris, key=lambda e: (e.transmission_ns, e.toe_ns, e.issue))
+    if after is not None and fault.end_ns is not None:
+        again = replace(newest, transmission_ns=max(fault.end_ns, sent_ns + 1))
+        edits.before[after] = [EphemerisReceived(events[after].mono_ns, again)]
+    return edits
+
+
+def _wrong(fault: Fault, effect: WrongEphemeris, true: Ephemeris, gps_ns: int) -> Ephemeris:
+    wrong = displaced(true, effect.offset_m, effect.direction, gps_ns)
+    why = wrong.implausibility()
+    if why is not None:
+        raise ConfigError(f"{fault}: {effect.satellite} displaced by {effect.offset_m:g} m is no orbit that a station accepts: {why}")
+    return wrong

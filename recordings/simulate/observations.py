@@ -1,0 +1,191 @@
+"""What the receivers of a site would have measured under a simulated constellation, as the events that its station would have met.
+
+Ranges belong to the ephemerides in force, so that the broadcast models find the surveyed points but for the errors of `ErrorModel`.
+Light time is iterated and the frame turned under the signal (no linearised Sagnac term): right to 0.1 mm, then rounded to 1 mm.
+"""
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from integrity.config import SiteConfig
+from integrity.events import EphemerisReceived, Event, IonosphereReceived, ObservationsReceived, Tick
+from integrity.gnss.atmosphere import klobuchar_delay_m, saastamoinen_delay_m
+from integrity.gnss.constants import EARTH_ROTATION_RADPS, L1_HZ, SPEED_OF_LIGHT_MPS
+from integrity.gnss.ephemeris import Ephemeris, EphemerisStore, SatelliteStates, satellite_states
+from integrity.gnss.frames import enu_axes, geodetic_from_ecef
+from integrity.gnss.gps_time import NS_PER_S, WEEK_NS, utc_from_gps
+from integrity.gnss.observations import ROW_ARRAYS, Bools, Floats, Ints, ObservationRow
+from integrity.gnss.positioning import state_time_ns
+from recordings.simulate.constellation import IONOSPHERE, constellation
+from recordings.simulate.errors import NOMINAL, ErrorModel, ReceiverClocks, generator, receiver_clocks, signal_errors
+
+CUT_OFF_RAD = math.radians(5.0)
+LIGHT_TIME_ITERATIONS = 3  # each shrinks the error by v / c: from 20 ms to below 1e-15 s
+WAVELENGTH_M = SPEED_OF_LIGHT_MPS / L1_HZ
+CODE_OF_SYSTEM = {"G": "1C", "E": "1C"}
+
+
+def simulate(
+    site: SiteConfig, start_ns: int, duration_s: float, rate_hz: float, seed: int, errors: ErrorModel = NOMINAL
+) -> tuple[Event, ...]:
+    """Events of the epochs in [start, start + duration) that are multiples of 1 / rate_hz in GPS time; `start_ns` is GPS time.
+
+    First the ionosphere and the ephemerides in force, later ones when they are transmitted; a Tick after each epoch. `mono_ns` is GPS
+    time. An ephemeris enters if its satellite is seen in the run at all.
+    """
+    interval_ns = round(NS_PER_S / rate_hz)
+    first, end = -(-start_ns // interval_ns), -(-(start_ns + round(duration_s * NS_PER_S)) // interval_ns)
+    epoch_ns = interval_ns * np.arange(first, end)
+    if not len(epoch_ns):
+        return ()
+    sets = constellation(seed, int(epoch_ns[0]), int(epoch_ns[-1]))
+    receivers = site.receiver_names
+    points = np.array([r.position_ecef_m for r in site.receivers])
+    satellites, states = _in_sight(sets, epoch_ns, points)
+    step_s = interval_ns / NS_PER_S
+    clocks = receiver_clocks(errors, seed, receivers, step_s, len(epoch_ns))
+    sky = _sky(states, epoch_ns, clocks, points)
+    measured = _measured(errors, seed, receivers, satellites, step_s, clocks, sky)
+    ephemerides = [eph for eph in sets if eph.satellite in satellites]
+    return tuple(_events(epoch_ns, receivers, satellites, sky.el_rad >= CUT_OFF_RAD, measured, ephemerides))
+
+
+def _in_sight(sets: tuple[Ephemeris, ...], epoch_ns: Ints, points: Floats) -> tuple[tuple[str, ...], SatelliteStates]:
+    """Satellites above the cut-off at some epoch, by name, and their states: each by the set in force at the epoch."""
+    store = EphemerisStore(sets)
+    arrived = np.searchsorted([eph.transmission_ns for eph in sets], epoch_ns, side="right")
+    everything = sorted({eph.satellite for eph in sets})
+    index = store.choose(everything, epoch_ns, arrived)
+    states = satellite_states(sets, index, state_time_ns(epoch_ns))
+    lat_rad, lon_rad, _ = geodetic_from_ecef(points)
+    up = enu_axes(lat_rad, lon_rad)[:, 2]
+    seen = np.zeros(len(everything), dtype=np.bool_)
+    for point, zenith in zip(points, up, strict=True):
+        los = states.pos_ecef_m - point[:, None, None]
+        sin_el = np.einsum("i,ies->es", zenith, los) / np.linalg.norm(los, axis=0)
+        seen |= (sin_el >= math.sin(CUT_OFF_RAD)).any(axis=0)
+    satellites = tuple(s for s, above in zip(everything, seen, strict=True) if above)
+    return satellites, satellite_states(sets, index[:, seen], states.t_ns)
+
+
+class Sky(NamedTuple):
+    """The signals as they arrive without errors, (E, R, S): light time as a distance and its rate, satellite clock, direction, delays."""
+
+    range_m: Floats
+    range_rate_mps: Floats
+    satellite_clock_m: Floats
+    satellite_clock_mps: Floats
+    az_rad: Floats
+    el_rad: Floats
+    ionosphere_m: Floats
+    troposphere_m: Floats
+
+
+def _sky(states: SatelliteStates, epoch_ns: Ints, clocks: ReceiverClocks, points: Floats) -> Sky:
+    """Light time from satellites (S) to points (R, 3) for reception when the receivers' clocks show `epoch_ns`.
+
+    In the ECEF of reception, where the satellite stands turned back by the Earth's rotation during the light time. The rate follows from
+    |R(w tau) s(t - tau) - r| = c tau by differentiation.
+    """
+    received_s = (epoch_ns - states.t_ns)[:, None, None] / NS_PER_S - clocks.bias_s[:, :, None]
+    pos, vel, acc = (v[:, :, None, :] for v in (states.pos_ecef_m, states.vel_ecef_mps, states.acc_ecef_mps2))
+    station = points.T[:, None, :, None]
+    tau_s = np.full((*clocks.bias_s.shape, pos.shape[-1]), 0.0775)
+    for _ in range(LIGHT_TIME_ITERATIONS):
+        dt = received_s - tau_s
+        there_m = _turned_back(pos + dt * (vel + 0.5 * dt * acc), tau_s)
+        los = there_m - station
+        distance_m = np.sqrt((los * los).sum(axis=0))
+        tau_s = distance_m / SPEED_OF_LIGHT_MPS
+
+    u = los / distance_m
+    moving_mps = (u * _turned_back(vel + dt * acc, tau_s)).sum(axis=0)
+    turning_mps = EARTH_ROTATION_RADPS * (u[0] * there_m[1] - u[1] * there_m[0])
+    range_rate_mps = SPEED_OF_LIGHT_MPS * moving_mps / (SPEED_OF_LIGHT_MPS + moving_mps - turning_mps)
+
+    lat_rad, lon_rad, height_m = geodetic_from_ecef(points)
+    los_enu = np.einsum("rij,jers->iers", enu_axes(lat_rad, lon_rad), u)
+    el_rad, az_rad = np.arcsin(np.clip(los_enu[2], -1.0, 1.0)), np.arctan2(los_enu[0], los_enu[1])
+    el_air = np.maximum(el_rad, 0.5 * CUT_OFF_RAD)  # what is lower is not observed
+    lat, lon, height = lat_rad[:, None], lon_rad[:, None], height_m[:, None]
+    tow_s = (epoch_ns % WEEK_NS / NS_PER_S)[:, None, None]
+    return Sky(
+        range_m=distance_m,
+        range_rate_mps=range_rate_mps,
+        satellite_clock_m=SPEED_OF_LIGHT_MPS * (states.clock_s[:, None, :] + states.clock_drift_sps[:, None, :] * dt),
+        satellite_clock_mps=SPEED_OF_LIGHT_MPS * np.broadcast_to(states.clock_drift_sps[:, None, :], tau_s.shape),
+        az_rad=az_rad,
+        el_rad=el_rad,
+        ionosphere_m=klobuchar_delay_m(tow_s, lat, lon, az_rad, el_air, IONOSPHERE),
+        troposphere_m=saastamoinen_delay_m(lat, height, el_air),
+    )
+
+
+def _turned_back(vector: Floats, tau_s: Floats) -> Floats:
+    """Vectors (3, ...) of the ECEF of transmission in the ECEF of reception, `tau_s` later."""
+    angle = EARTH_ROTATION_RADPS * tau_s
+    cosine, sine = np.cos(angle), np.sin(angle)
+    return np.stack((cosine * vector[0] + sine * vector[1], cosine * vector[1] - sine * vector[0], np.broadcast_to(vector[2], angle.shape)))
+
+
+def _measured(
+    errors: ErrorModel, seed: int, receivers: tuple[str, ...], satellites: tuple[str, ...], step_s: float, clocks: ReceiverClocks, sky: Sky
+) -> dict[str, Floats]:
+    """The arrays of `ObservationRow`, (E, R, S), rounded as receivers give them, but for flags and lock time.
+
+    The Doppler leaves out the rates of delays and slow errors: below 0.03 m/s at 5 deg of elevation.
+    """
+    spoiled = signal_errors(errors, seed, receivers, satellites, step_s, sky.az_rad, sky.el_rad, sky.ionosphere_m)
+    clock_m = SPEED_OF_LIGHT_MPS * clocks.bias_s[:, :, None] - sky.satellite_clock_m
+    clock_mps = SPEED_OF_LIGHT_MPS * clocks.drift_sps[:, :, None] - sky.satellite_clock_mps
+    neutral_m = sky.range_m + clock_m + sky.troposphere_m
+    ambiguity = [[generator(seed, f"ambiguity/{r}/{s}").integers(-1_000_000, 1_000_000) for s in satellites] for r in receivers]
+    return {
+        "pseudorange_m": _rounded(neutral_m + sky.ionosphere_m + spoiled.code_m, 1000),
+        "carrier_cycles": _rounded((neutral_m - sky.ionosphere_m + spoiled.carrier_m) / WAVELENGTH_M + np.array(ambiguity), 1000),
+        "doppler_hz": _rounded(-(sky.range_rate_mps + clock_mps + spoiled.range_rate_mps) / WAVELENGTH_M, 1000),
+        "cn0_dbhz": _rounded(spoiled.cn0_dbhz, 4),
+    }
+
+
+def _rounded(values: Floats, steps_per_unit: int) -> Floats:
+    result: Floats = np.round(values * steps_per_unit) / steps_per_unit
+    return result
+
+
+def _lock_s(seen: Bools, step_s: float) -> Floats:
+    """How long each signal (E, R, S) has been tracked without a break; receivers are switched on at the first epoch."""
+    k = np.arange(len(seen))[:, None, None]
+    last_unseen = np.maximum.accumulate(np.where(seen, -1, k), axis=0)
+    lock_s: Floats = step_s * np.maximum(k - last_unseen - 1, 0)
+    return lock_s
+
+
+def _events(
+    epoch_ns: Ints,
+    receivers: tuple[str, ...],
+    satellites: tuple[str, ...],
+    seen: Bools,
+    measured: dict[str, Floats],
+    ephemerides: list[Ephemeris],
+) -> list[Event]:
+    """In the order in which a station meets them; `ephemerides` in the order of transmission."""
+    step_s = float(epoch_ns[1] - epoch_ns[0]) / NS_PER_S if len(epoch_ns) > 1 else 0.0
+    flag = np.zeros(seen.shape, dtype=np.bool_)
+    arrays = measured | {"lock_s": _lock_s(seen, step_s), "slip": flag, "half_cycle": flag}
+    signals = np.array([f"{s}.{CODE_OF_SYSTEM[s[0]]}" for s in satellites])
+    start_ns = int(epoch_ns[0])
+    events: list[Event] = [IonosphereReceived(start_ns, IONOSPHERE)]
+    sent = 0
+    for e, t_ns in enumerate(epoch_ns.tolist()):
+        while sent < len(ephemerides) and ephemerides[sent].transmission_ns <= t_ns:
+            events.append(EphemerisReceived(max(ephemerides[sent].transmission_ns, start_ns), ephemerides[sent]))
+            sent += 1
+        for r, receiver in enumerate(receivers):
+            in_view = seen[e, r]
+            values = {name: arrays[name][e, r][in_view] for name in ROW_ARRAYS}
+            events.append(ObservationsReceived(t_ns, ObservationRow(receiver, t_ns, tuple(signals[in_view].tolist()), **values)))
+        events.append(Tick(t_ns, utc_from_gps(t_ns), None))
+    return events
