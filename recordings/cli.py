@@ -164,10 +164,19 @@ def simulate(
 
     Example: wayside simulate recordings/samples/triangle.toml -o triangle.mcap
     """
-    from recordings.simulate.scenario import record_scenario
+    from recordings.faults import inject as with_faults
+    from recordings.faults import parse_faults
+    from recordings.replay import decide_and_record
+    from recordings.simulate.observations import simulate as simulated
+    from recordings.simulate.scenario import parse_scenario
 
-    n_faults = record_scenario(_text(scenario), str(scenario), output)
-    talk(f"{output}: simulated, {n_faults} fault{'s' if n_faults != 1 else ''}")
+    text = _text(scenario)
+    story = parse_scenario(text, str(scenario))
+    site = story.site
+    faults = parse_faults(story.faults, str(scenario), story.start_ns, site.config)
+    events = with_faults(simulated(site.config, story.start_ns, story.duration_s, story.rate_hz, story.seed), faults, site.config)
+    decide_and_record(output, site, events, {"truth": {"faults": story.faults.strip() + "\n", "scenario": text}})
+    talk(f"{output}: simulated, {len(faults)} fault{'s' if len(faults) != 1 else ''}")
 
 
 @recording_commands.command("info")

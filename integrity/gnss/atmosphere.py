@@ -65,7 +65,7 @@ def saastamoinen_delay_m(lat_rad: Floats, height_m: Floats, el_rad: Floats, rela
 
 
 def troposphere_mapping(el_rad: Floats) -> Floats:
-    """Slant over zenith delay, for elevations from 5 deg up; within 1 % of Niell's there, where 1 / sin el is 13 % too large.
+    """Slant over zenith delay, for elevations from 5 deg up; within 1.2 % of Niell's there, where 1 / sin el is 13 % too large.
 
     Source: Black and Eisner 1984, in the form of RTCA DO-229, A.4.2.4.
     """

@@ -13,6 +13,7 @@ from integrity.events import Event, ObservationsReceived
 from integrity.gnss.gps_time import format_utc
 from integrity.gnss.observations import ObservationRow
 from integrity.gnss.signals import satellite_of
+from integrity.station_monitor import Snapshot
 from recordings.faults.kinds import Jamming, ReceiverDrop, ReceiverFreeze, SatelliteRamp, SatelliteStep, WrongEphemeris, receivers_of
 from recordings.faults.orbits import wrong_navigation
 from recordings.faults.ranges import Rows, with_ranges_changed
@@ -23,12 +24,15 @@ from recordings.faults.truth import RecordedRow, Truth, truth_of
 LATER = (Jamming, ReceiverFreeze, ReceiverDrop)  # after everything that changes ranges, in this order
 
 
-def inject(events: Sequence[Event], faults: Sequence[Fault], site: SiteConfig, seed: int = 0) -> tuple[Event, ...]:
-    """The events of a recording with faults in it; `seed` draws the noise of jamming.
+def inject(
+    events: Sequence[Event], faults: Sequence[Fault], site: SiteConfig, seed: int = 0, snapshot: Snapshot | None = None
+) -> tuple[Event, ...]:
+    """The events of a recording with faults in it; `seed` draws the noise of jamming, `snapshot` is what the
+    recording begins with: the ephemerides and the ionosphere that had arrived before its events.
 
     A fault covers whole epochs (nominal times). ConfigError where a fault would change nothing.
     """
-    truth = truth_of(events, site)
+    truth = truth_of(events, site, snapshot)
     rows: dict[int, ObservationRow] = {seen.place: seen.row for seen in truth.rows}
     before: dict[int, list[Event]] = {}
     instead: dict[int, Event] = {}

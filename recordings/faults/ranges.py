@@ -11,7 +11,7 @@ import numpy as np
 
 from integrity.gnss.constants import L1_HZ, SPEED_OF_LIGHT_MPS
 from integrity.gnss.gps_time import NS_PER_S
-from integrity.gnss.observations import Floats, ObservationRow
+from integrity.gnss.observations import Bools, Floats, ObservationRow
 from integrity.gnss.positioning import Points, points_at
 from integrity.gnss.signals import satellite_of
 from recordings.faults.kinds import RangeEffect, ReceiverRamp, SatelliteRamp, SatelliteStep, Spoofing
@@ -98,9 +98,7 @@ def _moved(row: ObservationRow, change: RangeChange) -> ObservationRow:
     )
 
 
-def _acquired_anew(
-    row: ObservationRow, captured: np.ndarray[tuple[int, ...], np.dtype[np.bool_]], elapsed_s: float, interval_s: float
-) -> ObservationRow:
+def _acquired_anew(row: ObservationRow, captured: Bools, elapsed_s: float, interval_s: float) -> ObservationRow:
     return replace(
         row,
         slip=row.slip | (captured & (elapsed_s < interval_s)),

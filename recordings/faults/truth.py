@@ -16,6 +16,7 @@ from integrity.gnss.ephemeris import EphemerisStore, SatelliteStates, satellite_
 from integrity.gnss.gps_time import NS_PER_S
 from integrity.gnss.observations import Floats, Ints, ObservationBlock, ObservationRow, build_block
 from integrity.gnss.positioning import TRAVEL_TIME_NS, Points, points_at, prefit, state_time_ns
+from integrity.station_monitor import Snapshot
 
 MOST_ROWS_PER_RUN = 1024  # bounds the memory of a fault that lasts for hours
 NOMINAL_RANGE_M = SPEED_OF_LIGHT_MPS * TRAVEL_TIME_NS / NS_PER_S  # where only the carrier was measured
@@ -54,11 +55,11 @@ class RangeChange(NamedTuple):
     rate_mps: Floats
 
 
-def truth_of(events: Sequence[Event], site: SiteConfig) -> Truth:
-    """Go through the events once."""
-    store = EphemerisStore()
+def truth_of(events: Sequence[Event], site: SiteConfig, snapshot: Snapshot | None) -> Truth:
+    """Go through the events once; `snapshot` holds what was known before them."""
+    store = EphemerisStore(snapshot.ephemerides if snapshot else ())
     rows: list[RecordedRow] = []
-    klobuchar = None
+    klobuchar = snapshot.assembler.klobuchar if snapshot else None
     for place, event in enumerate(events):
         match event:
             case ObservationsReceived(_, row) if row.receiver in site.receiver_names:

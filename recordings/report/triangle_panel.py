@@ -109,7 +109,7 @@ def _sides(drawing: Drawing, triangle: ReferenceTriangle, vertices: Sequence[Poi
         label = f"{a}–{b} {side_m:.1f} m"
         places = _beside(place[a], place[b], middle, text_width_px(label, 11.5))
         boxes = [text_box(x, y, label, 11.5, "middle") for x, y in places]
-        i = first_free(boxes, taken) or 0
+        i = first_free(boxes, taken) or 0  # where none is free, the best one all the same
         taken.append(boxes[i])
         drawing.text(*places[i], label, 11.5, anchor="middle", halo=True)
 
@@ -222,11 +222,10 @@ def _directions(drawing: Drawing, slot: Slot, px_per_m: float, limits: Limits) -
     arrow = path([(x, y - 44), (x + 7, y - 18), (x, y - 23), (x - 7, y - 18)], closed=True)
     drawing.add("path", d=arrow, fill=INK)
     drawing.text(x, y - 50, "N", 12, anchor="middle", bold=True)
-    length_m = nice_step(110.0 / px_per_m, 1) / 2
+    length_m = nice_step(55.0 / px_per_m, 1)  # 55 to 138 pixels
     half = length_m * px_per_m / 2
-    drawing.add(
-        "path", d=path([(x - half, y), (x - half, y + 6), (x + half, y + 6), (x + half, y)]), fill="none", stroke=INK, stroke_width=1.4
-    )
+    bar = path([(x - half, y), (x - half, y + 6), (x + half, y + 6), (x + half, y)])
+    drawing.add("path", d=bar, fill="none", stroke=INK, stroke_width=1.4)
     drawing.text(x, y + 21, metres(length_m), 11.5, anchor="middle")
     lines = (f"Magnifiers: {metres(2 * VIEW * limits.radius_m)} across,", "solved minus surveyed,", "arrows: points farther out")
     for k, words in enumerate(lines):

@@ -5,7 +5,7 @@ from types import ModuleType
 import numpy as np
 import pytest
 
-from integrity.gnss.atmosphere import Klobuchar, klobuchar_delay_m, saastamoinen_delay_m
+from integrity.gnss.atmosphere import Klobuchar, klobuchar_delay_m, saastamoinen_delay_m, troposphere_mapping
 from integrity.gnss.gps_time import DAY_S
 from integrity.gnss.observations import Floats
 
@@ -44,15 +44,26 @@ def test_klobuchar_agrees_within_1_mm(rtklib: ModuleType, k: Klobuchar) -> None:
     assert np.max(np.abs(klobuchar_delay_m(tow_s, lat_rad, lon_rad, az_rad, el_rad, k) - expected_m)) <= 1e-3
 
 
-def test_saastamoinen_agrees_within_1_mm(rtklib: ModuleType) -> None:
-    lat_rad, height_m, el_rad = grid(
+def test_saastamoinen_at_zenith_agrees_within_1_mm(rtklib: ModuleType) -> None:
+    lat_rad, height_m = grid(
         np.radians([-90.0, -45.0, -10.0, 0.0, 30.0, 48.0, 70.0, 90.0]),
         np.array([-99.9, -30.0, 0.0, 40.0, 250.0, 800.0, 2000.0, 4800.0, 9999.0]),
-        EL_RAD,
     )
     pos, azel, t = rtklib.Arr1Ddouble(3), rtklib.Arr1Ddouble(2), rtklib.gpst2time(WEEK, 0.0)
-    expected_m = np.empty_like(el_rad)
-    for i, (lat, height, el) in enumerate(zip(lat_rad, height_m, el_rad, strict=True)):
-        pos[0], pos[2], azel[1] = lat, height, el
+    azel[1] = np.pi / 2.0
+    expected_m = np.empty_like(lat_rad)
+    for i, (lat, height) in enumerate(zip(lat_rad, height_m, strict=True)):
+        pos[0], pos[2] = lat, height
         expected_m[i] = rtklib.tropmodel(t, pos, azel, RELATIVE_HUMIDITY)
-    assert np.max(np.abs(saastamoinen_delay_m(lat_rad, height_m, el_rad, RELATIVE_HUMIDITY) - expected_m)) <= 1e-3
+    zenith = np.full_like(lat_rad, np.pi / 2.0)
+    assert np.max(np.abs(saastamoinen_delay_m(lat_rad, height_m, zenith, RELATIVE_HUMIDITY) - expected_m)) <= 1e-3
+
+
+def test_mapping_is_within_12_permille_of_niells_hydrostatic_one(rtklib: ModuleType) -> None:
+    lat_rad, el_rad = grid(np.radians([-60.0, -35.0, 0.0, 35.0, 48.0, 70.0]), np.radians([5.0, 7.5, 10.0, 15.0, 30.0, 60.0, 90.0]))
+    pos, azel, t = rtklib.Arr1Ddouble(3), rtklib.Arr1Ddouble(2), rtklib.gpst2time(WEEK, 0.0)
+    wet, niell = rtklib.Arr1Ddouble(1), np.empty_like(el_rad)
+    for i, (lat, el) in enumerate(zip(lat_rad, el_rad, strict=True)):
+        pos[0], pos[2], azel[1] = lat, 100.0, el
+        niell[i] = rtklib.tropmapf(t, pos, azel, wet)
+    assert np.max(np.abs(troposphere_mapping(el_rad) / niell - 1.0)) <= 0.012

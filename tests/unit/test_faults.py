@@ -17,6 +17,8 @@ from integrity.gnss.frames import ecef_from_geodetic, enu_axes, geodetic_from_ec
 from integrity.gnss.gps_time import NS_PER_S, gps_from_calendar, utc_from_gps
 from integrity.gnss.observations import Floats, ObservationRow, build_block
 from integrity.gnss.positioning import points_at, prefit, solve, state_time_ns
+from integrity.station_monitor import Snapshot
+from integrity.stream_memory import StreamMemory
 from recordings.faults import Fault, inject, parse_faults
 from recordings.faults.kinds import (
     AntennaMoved,
@@ -212,6 +214,13 @@ def test_a_receiver_bias_is_the_geometry_of_another_place(offset: tuple[float, f
 def test_a_satellite_without_ephemeris_stays_as_it_is() -> None:
     events = with_fault(ReceiverBias(receiver="A", offset_enu_m=(15.0, 0.0, 0.0)))
     assert [changes(events, "A")[t]["G32.1C"] for t in INSIDE] == [0.0] * len(INSIDE)
+
+
+def test_ephemerides_of_the_recordings_snapshot_serve() -> None:
+    snapshot = Snapshot(StreamMemory.empty(3), ephemerides=tuple(EPHEMERIDES))
+    later = [e for e in STREAM if not isinstance(e, EphemerisReceived)]
+    fault = Fault(START_NS, END_NS, ReceiverBias(receiver="B", offset_enu_m=(15.0, 0.0, 0.0)))
+    assert_antenna_elsewhere(inject(later, [fault], SITE, snapshot=snapshot), "B", (15.0, 0.0, 0.0), INSIDE)
 
 
 def test_a_carrier_without_code_moves_too() -> None:

@@ -1,6 +1,7 @@
 """Rows that cannot be built wrong, and blocks that line them up."""
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -18,8 +19,9 @@ def row(receiver: str, signals: tuple[str, ...], first_range_m: float = 2e7, rec
 @pytest.mark.parametrize("name", ROW_ARRAYS)
 def test_an_array_of_the_wrong_length_is_refused(name: str) -> None:
     good = row("A", ("G01.1C", "G02.1C"))
+    shorter: dict[str, Any] = {name: getattr(good, name)[:1]}
     with pytest.raises(ValueError, match=name):
-        replace(good, **{name: getattr(good, name)[:1]})
+        replace(good, **shorter)
 
 
 def test_a_signal_that_stands_twice_is_refused() -> None:
@@ -78,7 +80,8 @@ def test_a_remembered_signal_has_a_column() -> None:
 
 def test_order_of_signals_in_a_row_changes_nothing() -> None:
     one = row("A", ("G01.1C", "G02.1C", "G03.1C"))
-    other = replace(one, signals=one.signals[::-1], **{name: getattr(one, name)[::-1] for name in ROW_ARRAYS})
+    reversed_arrays: dict[str, Any] = {name: getattr(one, name)[::-1] for name in ROW_ARRAYS}
+    other = replace(one, signals=one.signals[::-1], **reversed_arrays)
     a, b = (build_block(("A",), [0], [[r]]) for r in (one, other))
     assert a.pseudorange_m.tolist() == b.pseudorange_m.tolist()
 

@@ -1,11 +1,11 @@
-"""What the crosschecks compare with: recordings of others, and RTKLIB."""
+"""What tests compare with: recordings of others, and RTKLIB. Without them the tests that need them are skipped, with the reason."""
 
 from pathlib import Path
 from types import ModuleType
 
 import pytest
 
-SHARED_DATA = Path(__file__).parents[2].parent / "shared" / "data"
+SHARED_DATA = Path(__file__).parents[1].parent / "shared" / "data"
 
 
 @pytest.fixture(scope="session")
