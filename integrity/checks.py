@@ -10,7 +10,7 @@ from integrity.gnss.positioning import Points, Solution, positions
 from integrity.limits import Limits
 from integrity.monitors.residuals import b_values_m, known_point_residuals, normalised_b_values, seen_by_all, worst
 from integrity.monitors.streams import missing_satellites, second_worst
-from integrity.monitors.triangles import TriangleStatistics, triangle_statistics
+from integrity.monitors.triangles import TriangleStatistics, Variances, triangle_statistics, variances
 from integrity.sight import Sight
 from integrity.stream_memory import StreamStatistics
 from integrity.triangle import ReferenceTriangle
@@ -24,6 +24,7 @@ class BlockChecks:
 
     used: Bools
     solution: Solution
+    var: Variances
     triangle: TriangleStatistics
     checks: Checks
     residual_sigmas: Floats
@@ -49,7 +50,8 @@ def check(
     known = known_point_residuals(s.prefit_m, s.sigma_m, used, s.system_of, s.n_systems)
     residual_sigmas = seen_by_all(known.normalised)
     b_sigmas = np.abs(normalised_b_values(known.residual_m, s.sigma_differential_m)).max(axis=1)
-    of_triangle = triangle_statistics(solution.e_enu_m, triangle, site.integrity)
+    var = variances(solution.cov_enu_m2, site.integrity)
+    of_triangle = triangle_statistics(solution.e_enu_m, var, triangle)
     statistics = {f"circle_{name}": of_triangle.circle_m[:, r] for r, name in enumerate(site.receiver_names)} | {
         "data": missing_satellites(used, limits.min_common_satellites),
         "repeat": streams.repeating.sum(axis=1).astype(np.float64),
@@ -63,4 +65,4 @@ def check(
         "cn0": second_worst(streams.cn0_drop_db),
         "loss": second_worst(streams.lost_share),
     }
-    return BlockChecks(used, solution, of_triangle, judge(statistics, limits), residual_sigmas, b_values_m(known.residual_m))
+    return BlockChecks(used, solution, var, of_triangle, judge(statistics, limits), residual_sigmas, b_values_m(known.residual_m))

@@ -12,7 +12,8 @@ Theory of operation. A satellite is IN (not in the table) or OUT (one `Exclusion
 
 A channel is one satellite at one receiver. One whose B-value fails while the satellite's residual passes is that receiver's own
 trouble with that satellite (multipath, mostly). Nobody is blamed: the satellite is left out of the common set of this epoch, without
-memory. At most one channel per receiver: more of them are a fault of the receiver, and the B-value check fails (section 2.3, MRCC).
+memory, where nothing but the B-value check fails with it and nothing fails without it. Otherwise it stays, and its B-value counts: a
+fault of receivers must not hide behind a weaker sky. At most one channel per receiver (section 2.3, MRCC).
 """
 
 from collections.abc import Mapping
@@ -79,7 +80,8 @@ class Channel:
 
 
 class Walk(NamedTuple):
-    """What the walk through a block decided: satellites `used` (E, S); per epoch the table after it, and the channels left out."""
+    """What the walk through a block decided: satellites `used` (E, S); per epoch the table after it, and the channels that could be
+    left out (still used: see `without_channels`)."""
 
     used: Bools
     tables: list[Table]
@@ -105,14 +107,25 @@ def walk(
     return Walk(used, tables, channels, table)
 
 
+def without_channels(walked: Walk, satellites: tuple[str, ...], epochs: Bools) -> Walk:
+    """The same walk with its channels left out in some `epochs` (E,), and back in use, as if nothing were, in the others."""
+    used = np.array(walked.used)
+    channels = list(walked.channels)
+    for e, left_out in enumerate(channels):
+        if epochs[e]:
+            used[e] &= ~np.isin(satellites, [c.satellite for c in left_out])
+        else:
+            channels[e] = ()
+    return walked._replace(used=used, channels=channels)
+
+
 def _epoch(
     table: Table, inputs: SatelliteInputs, receivers: tuple[str, ...], satellites: tuple[str, ...], gps_ns: int, limits: Limits
 ) -> tuple[Bools, Table, tuple[Channel, ...]]:
     out = np.array([s in table for s in satellites])
     used = inputs.screened & ~out
     left_out = _failing_channels(inputs, used, receivers, satellites, limits)
-    used = used & ~np.isin(satellites, [c.satellite for c in left_out])
-    newly = _failing_satellites(inputs, used, satellites, gps_ns, limits)
+    newly = _failing_satellites(inputs, used & ~np.isin(satellites, [c.satellite for c in left_out]), satellites, gps_ns, limits)
     used = used & ~np.isin(satellites, list(newly))
     statistic, _ = inputs.statistics(used)
     after: dict[str, Exclusion] = {}

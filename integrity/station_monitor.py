@@ -20,19 +20,20 @@ from integrity.assembler import AlignedEpoch, Assembler, AssemblerState, SilentT
 from integrity.checks import BlockChecks, check
 from integrity.config import SiteConfig
 from integrity.events import Event
-from integrity.exclusion import Exclusion, Table, Walk, walk
+from integrity.exclusion import Exclusion, Table, Walk, walk, without_channels
 from integrity.gnss.ephemeris import Ephemeris, EphemerisStore
 from integrity.gnss.observations import Bools
 from integrity.gnss.positioning import points_at
 from integrity.health import Health, after_epoch, after_silence
 from integrity.limits import derive
-from integrity.monitors.triangles import named_receiver, swapped_receivers
+from integrity.monitors.triangles import suspects, swapped_receivers
+from integrity.naming import LastClean, named_receiver
 from integrity.outputs import Alert, EpochReport, HealthReport, Output
 from integrity.sight import Sight, observe
 from integrity.states import Cause, State
 from integrity.stream_memory import StreamMemory, StreamStatistics, advance
 from integrity.triangle import reference_triangle
-from integrity.verdict import CLEAN, Evidence, Verdict, clean_epochs, full_verdict, triangle_verdict
+from integrity.verdict import CLEAN, Evidence, Verdict, clean_epochs, fails_only, full_verdict, triangle_verdict
 
 MOST_EPOCHS_PER_BLOCK = 1024
 
@@ -45,6 +46,7 @@ class Snapshot:
     assembler: AssemblerState = field(default_factory=AssemblerState)
     ephemerides: tuple[Ephemeris, ...] = ()
     exclusions: tuple[Exclusion, ...] = ()
+    last_clean: LastClean | None = None
     health: Health = field(default_factory=Health)
     sequence: int = 0
 
@@ -53,7 +55,7 @@ class Snapshot:
 class _Decided:
     """A block after step 4: with the satellites in use (`full`), and with all of them, which is what the triangle alone goes by.
 
-    `clean`, `clean_alone` (E,): epochs without a failing check; `named` (E, R): the receiver that the naming rule names.
+    `clean`, `clean_alone` (E,): epochs without a failing check; `suspected` (E, R): whom rules (i) to (iii) of naming point at.
     """
 
     sight: Sight
@@ -63,7 +65,7 @@ class _Decided:
     alone: BlockChecks
     clean: Bools
     clean_alone: Bools
-    named: Bools
+    suspected: Bools
 
 
 class StationMonitor:
@@ -78,6 +80,7 @@ class StationMonitor:
         self._store = EphemerisStore(start.ephemerides)
         self._assembler = Assembler(site.receiver_names, site.epoch_interval_ns, self.limits, start.assembler, self._store)
         self._exclusions: Table = {x.satellite: x for x in start.exclusions}
+        self._last_clean = start.last_clean
         self._health = start.health
         self._sequence = start.sequence
         self._streams = start.streams
@@ -115,6 +118,7 @@ class StationMonitor:
             assembler=self._assembler.state(),
             ephemerides=tuple(self._store.ephemerides),
             exclusions=tuple(self._exclusions.values()),
+            last_clean=self._last_clean,
             health=self._health,
             sequence=self._sequence,
         )
@@ -126,12 +130,18 @@ class StationMonitor:
         walked = self._walk(sight)
         self._exclusions = walked.table
 
+        def checked(used: Bools) -> BlockChecks:
+            return check(sight, used, streams, self._points, self.triangle, self.site, self.limits)
+
         screened = sight.satellites.screened
-        alone = check(sight, screened, streams, self._points, self.triangle, self.site, self.limits)
-        same = np.array_equal(walked.used, screened)
-        full = alone if same else check(sight, walked.used, streams, self._points, self.triangle, self.site, self.limits)
+        alone = checked(screened)
+        full = alone if np.array_equal(walked.used, screened) else checked(walked.used)
+        could_help = fails_only(full.checks, "b_value") & np.array([bool(channels) for channels in walked.channels])
+        without = checked(without_channels(walked, sight.block.satellites, could_help).used) if could_help.any() else full
+        walked = without_channels(walked, sight.block.satellites, could_help & clean_epochs(without.checks, "full"))
+        full = checked(walked.used) if could_help.any() else full
         clean, clean_alone = clean_epochs(full.checks, "full"), clean_epochs(alone.checks, "triangle")
-        decided = _Decided(sight, streams, walked, full, alone, clean, clean_alone, named_receiver(full.triangle, self.limits))
+        decided = _Decided(sight, streams, walked, full, alone, clean, clean_alone, suspects(full.triangle, self.limits))
         return [output for e, epoch in enumerate(epochs) for output in self._epoch(decided, e, epoch)]
 
     def _walk(self, sight: Sight) -> Walk:
@@ -175,17 +185,31 @@ class StationMonitor:
         return [report, health, *self._alerts(before, epoch.epoch_ns, epoch.mono_ns, reasons)]
 
     def _verdict(self, decided: _Decided, e: int, exclusions: tuple[Exclusion, ...]) -> Verdict:
-        if decided.clean[e] and not exclusions:
-            return CLEAN
         full, limits = decided.full, self.limits
+        gps_ns, e_enu_m = int(decided.sight.block.epoch_ns[e]), full.solution.e_enu_m[e]
+        last = self._last_clean
+        if decided.clean[e]:
+            self._last_clean = LastClean(gps_ns, e_enu_m)
+            if not exclusions:
+                return CLEAN
         evidence = Evidence(
             receivers=self.site.receiver_names,
             repeating=decided.streams.repeating[e],
-            named=decided.named[e],
+            named=named_receiver(
+                decided.suspected[e],
+                full.triangle.log_likelihood_ratio[e],
+                e_enu_m,
+                full.var.common[e],
+                full.var.differential[e],
+                last,
+                gps_ns,
+                self.site.integrity,
+                limits,
+            ),
             collapsed=bool(full.triangle.collapse_fit[e] <= limits.collapse_fit),
             exclusions=exclusions,
             enough_without_exclusion=bool(decided.alone.solution.n_used[e].min() >= limits.min_common_satellites),
-            swapped=swapped_receivers(full.solution.e_enu_m[e], self.triangle, limits),
+            swapped=swapped_receivers(e_enu_m, self.triangle, limits),
         )
         return full_verdict(full.checks, e, evidence, self.site.integrity.on_satellite_fault)
 

@@ -83,6 +83,13 @@ def clean_epochs(checks: Checks, rule: Rule) -> Bools:
     return result
 
 
+def fails_only(checks: Checks, name: str) -> Bools:
+    """Epochs (E,) in which this check fails and no other one does or is unknown."""
+    bad = checks.outcome >= Outcome.UNKNOWN
+    result: Bools = bad[:, checks.names.index(name)] & (bad.sum(axis=-1) == 1)
+    return result
+
+
 def triangle_verdict(checks: Checks, e: int) -> Verdict:
     """The source's rule, nothing else: no data or a broken shape is NOT_CONFIRMABLE, a vertex outside its circle SATELLITE_ANOMALY."""
     outcome = dict(zip(checks.names, checks.outcome[e], strict=True))
@@ -131,8 +138,8 @@ def cause_of(outcome: Mapping[str, Outcome], bad: set[str], evidence: Evidence) 
         return Cause.SPOOFING, evidence.receivers, ("collapse",)
     if shape_holds and Outcome.FAIL in (outcome["common"], outcome["common_3d"]):
         return Cause.SPOOFING, (), ("common", "common_3d")
-    if evidence.exclusions and not bad:
-        return Cause.SATELLITE, _satellites(evidence.exclusions), ("residual",)
+    if evidence.exclusions and bad <= set(circles):
+        return Cause.SATELLITE, _satellites(evidence.exclusions), ("residual",)  # without it all fits, or the sky left is too weak
     if evidence.named.any():
         return Cause.RECEIVER, _chosen(evidence.receivers, evidence.named), ("shape", "shape_3d", *circles, "b_value")
     return Cause.AMBIGUOUS, (), ("shape", "shape_3d", "common", "common_3d", *circles, "b_value", "residual", "collapse")

@@ -149,7 +149,7 @@ def inject(
     todo = replayable(contents)
     text = _text(faults)
     parsed = parse_faults(text, str(faults), first_epoch_ns(todo), todo.site.config)
-    events = with_faults(todo.events, parsed, todo.site.config)
+    events = with_faults(todo.events, parsed, todo.site.config, snapshot=todo.snapshot)
     kept = {name: values for name, values in contents.metadata.items() if name == "import"}
     decide_and_record(output, todo.site, events, kept | {"truth": {"faults": text}}, todo.snapshot)
     talk(f"{output}: {len(parsed)} fault{'s' if len(parsed) != 1 else ''} injected")

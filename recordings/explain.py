@@ -46,7 +46,8 @@ def explain(summary: Summary) -> str:
     if listed:
         lines.append("")
         lines += [
-            f"  {_clock(x['start'])} to {_clock(x['end'])}  {x['satellite']} excluded: {x['check']} {x['statistic']:.4g} > {x['threshold']:.4g}"
+            f"  {_clock(x['start'])} to {_clock(x['end'])}  {x['satellite']} excluded: "
+            f"{x['check']} {x['statistic']:.4g} > {x['threshold']:.4g}"
             for x in listed
         ]
     lines += ["", f"  {'published':<16}" + _counts(states), f"  {'triangle alone':<16}" + _counts(alone), ""]

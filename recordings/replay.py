@@ -71,7 +71,7 @@ def replayable(contents: Contents, site: SiteFile | None = None, start_ns: int |
     head = contents.entries[first].message
     snapshot = decode_snapshot(head) if isinstance(head, pb.Snapshot) else None
     if snapshot is not None and chosen.config.config_sha256 != own.config.config_sha256:
-        snapshot = replace(snapshot, exclusions=(), health=Health())
+        snapshot = replace(snapshot, exclusions=(), last_clean=None, health=Health())
     inputs = (entry for entry in contents.entries[first:] if entry.topic in INPUTS)
     events = (decode_event(entry.message) for entry in inputs if end_ns is None or gps_from_utc(entry.log_ns) < end_ns)
     return Replayable(chosen, snapshot, tuple(events))

@@ -16,6 +16,7 @@ from integrity.messages.inputs import (
     encode_row,
 )
 from integrity.messages.outputs import CAUSES, STATES, encode_exclusion
+from integrity.naming import LastClean
 from integrity.station_monitor import Snapshot
 from integrity.stream_memory import StreamMemory
 
@@ -25,7 +26,7 @@ _CAUSE_OF = {number: cause for cause, number in CAUSES.items()}
 
 def encode_snapshot(snapshot: Snapshot, receivers: tuple[str, ...], mono_ns: int) -> pb.Snapshot:
     """A snapshot taken at `mono_ns`; rows of the stream memory in the order of `receivers`."""
-    assembler, streams, health = snapshot.assembler, snapshot.streams, snapshot.health
+    assembler, streams, health, last = snapshot.assembler, snapshot.streams, snapshot.health, snapshot.last_clean
     return pb.Snapshot(
         mono_ns=mono_ns,
         receiver=receivers,
@@ -44,6 +45,7 @@ def encode_snapshot(snapshot: Snapshot, receivers: tuple[str, ...], mono_ns: int
         ionosphere=None if assembler.klobuchar is None else encode_ionosphere(assembler.klobuchar, 0),
         ephemerides=[encode_ephemeris(eph, 0) for eph in snapshot.ephemerides],
         exclusions=[encode_exclusion(x) for x in snapshot.exclusions],
+        last_clean=None if last is None else pb.LastClean(gps_ns=last.gps_ns, e_enu_m=last.e_enu_m.ravel().tolist()),
         state=STATES[health.state],
         cause=CAUSES[health.cause],
         subjects=health.subjects,
@@ -82,11 +84,16 @@ def decode_snapshot(message: pb.Snapshot) -> Snapshot:
         dropped=tuple(sorted(message.dropped.items())),
         refused_ephemerides=message.refused_ephemerides,
     )
+    last = message.last_clean
+    n = len(message.receiver)
+    if message.HasField("last_clean") and len(last.e_enu_m) != 3 * n:
+        raise DecodeError(f"snapshot: {len(last.e_enu_m)} components of the last clean epoch, expected {3 * n}")
     return Snapshot(
         streams=streams,
         assembler=assembler,
         ephemerides=tuple(decode_ephemeris(e) for e in message.ephemerides),
         exclusions=tuple(_exclusion(x) for x in message.exclusions),
+        last_clean=LastClean(last.gps_ns, np.array(last.e_enu_m).reshape(n, 3)) if message.HasField("last_clean") else None,
         health=health,
         sequence=message.sequence,
     )

@@ -43,16 +43,7 @@ class Alert(_message.Message):
     reasons: _containers.RepeatedScalarFieldContainer[str]
     state: State
     subjects: _containers.RepeatedScalarFieldContainer[str]
-    def __init__(
-        self,
-        gps_time_ns: _Optional[int] = ...,
-        mono_ns: _Optional[int] = ...,
-        before: _Optional[_Union[State, str]] = ...,
-        state: _Optional[_Union[State, str]] = ...,
-        cause: _Optional[_Union[Cause, str]] = ...,
-        subjects: _Optional[_Iterable[str]] = ...,
-        reasons: _Optional[_Iterable[str]] = ...,
-    ) -> None: ...
+    def __init__(self, gps_time_ns: _Optional[int] = ..., mono_ns: _Optional[int] = ..., before: _Optional[_Union[State, str]] = ..., state: _Optional[_Union[State, str]] = ..., cause: _Optional[_Union[Cause, str]] = ..., subjects: _Optional[_Iterable[str]] = ..., reasons: _Optional[_Iterable[str]] = ...) -> None: ...
 
 class Channel(_message.Message):
     __slots__ = ["receiver", "satellite", "statistic", "threshold"]
@@ -64,13 +55,7 @@ class Channel(_message.Message):
     satellite: str
     statistic: float
     threshold: float
-    def __init__(
-        self,
-        receiver: _Optional[str] = ...,
-        satellite: _Optional[str] = ...,
-        statistic: _Optional[float] = ...,
-        threshold: _Optional[float] = ...,
-    ) -> None: ...
+    def __init__(self, receiver: _Optional[str] = ..., satellite: _Optional[str] = ..., statistic: _Optional[float] = ..., threshold: _Optional[float] = ...) -> None: ...
 
 class Check(_message.Message):
     __slots__ = ["name", "outcome", "statistic", "threshold"]
@@ -82,45 +67,10 @@ class Check(_message.Message):
     outcome: Outcome
     statistic: float
     threshold: float
-    def __init__(
-        self,
-        name: _Optional[str] = ...,
-        statistic: _Optional[float] = ...,
-        threshold: _Optional[float] = ...,
-        outcome: _Optional[_Union[Outcome, str]] = ...,
-    ) -> None: ...
+    def __init__(self, name: _Optional[str] = ..., statistic: _Optional[float] = ..., threshold: _Optional[float] = ..., outcome: _Optional[_Union[Outcome, str]] = ...) -> None: ...
 
 class Ephemeris(_message.Message):
-    __slots__ = [
-        "accuracy_m",
-        "af0",
-        "af1",
-        "af2",
-        "cic",
-        "cis",
-        "crc",
-        "crs",
-        "cuc",
-        "cus",
-        "delta_n",
-        "e",
-        "fit_half_s",
-        "group_delay_s",
-        "healthy",
-        "i0",
-        "i_dot",
-        "issue",
-        "m0",
-        "mono_ns",
-        "omega",
-        "omega0",
-        "omega_dot",
-        "satellite",
-        "sqrt_a",
-        "toc_ns",
-        "toe_ns",
-        "transmission_ns",
-    ]
+    __slots__ = ["accuracy_m", "af0", "af1", "af2", "cic", "cis", "crc", "crs", "cuc", "cus", "delta_n", "e", "fit_half_s", "group_delay_s", "healthy", "i0", "i_dot", "issue", "m0", "mono_ns", "omega", "omega0", "omega_dot", "satellite", "sqrt_a", "toc_ns", "toe_ns", "transmission_ns"]
     ACCURACY_M_FIELD_NUMBER: _ClassVar[int]
     AF0_FIELD_NUMBER: _ClassVar[int]
     AF1_FIELD_NUMBER: _ClassVar[int]
@@ -177,59 +127,10 @@ class Ephemeris(_message.Message):
     toc_ns: int
     toe_ns: int
     transmission_ns: int
-    def __init__(
-        self,
-        mono_ns: _Optional[int] = ...,
-        satellite: _Optional[str] = ...,
-        issue: _Optional[int] = ...,
-        healthy: bool = ...,
-        accuracy_m: _Optional[float] = ...,
-        transmission_ns: _Optional[int] = ...,
-        toe_ns: _Optional[int] = ...,
-        toc_ns: _Optional[int] = ...,
-        fit_half_s: _Optional[float] = ...,
-        sqrt_a: _Optional[float] = ...,
-        e: _Optional[float] = ...,
-        i0: _Optional[float] = ...,
-        omega0: _Optional[float] = ...,
-        omega: _Optional[float] = ...,
-        m0: _Optional[float] = ...,
-        delta_n: _Optional[float] = ...,
-        i_dot: _Optional[float] = ...,
-        omega_dot: _Optional[float] = ...,
-        cuc: _Optional[float] = ...,
-        cus: _Optional[float] = ...,
-        crc: _Optional[float] = ...,
-        crs: _Optional[float] = ...,
-        cic: _Optional[float] = ...,
-        cis: _Optional[float] = ...,
-        af0: _Optional[float] = ...,
-        af1: _Optional[float] = ...,
-        af2: _Optional[float] = ...,
-        group_delay_s: _Optional[float] = ...,
-    ) -> None: ...
+    def __init__(self, mono_ns: _Optional[int] = ..., satellite: _Optional[str] = ..., issue: _Optional[int] = ..., healthy: bool = ..., accuracy_m: _Optional[float] = ..., transmission_ns: _Optional[int] = ..., toe_ns: _Optional[int] = ..., toc_ns: _Optional[int] = ..., fit_half_s: _Optional[float] = ..., sqrt_a: _Optional[float] = ..., e: _Optional[float] = ..., i0: _Optional[float] = ..., omega0: _Optional[float] = ..., omega: _Optional[float] = ..., m0: _Optional[float] = ..., delta_n: _Optional[float] = ..., i_dot: _Optional[float] = ..., omega_dot: _Optional[float] = ..., cuc: _Optional[float] = ..., cus: _Optional[float] = ..., crc: _Optional[float] = ..., crs: _Optional[float] = ..., cic: _Optional[float] = ..., cis: _Optional[float] = ..., af0: _Optional[float] = ..., af1: _Optional[float] = ..., af2: _Optional[float] = ..., group_delay_s: _Optional[float] = ...) -> None: ...
 
 class EpochReport(_message.Message):
-    __slots__ = [
-        "cause",
-        "channels",
-        "check",
-        "checks",
-        "exclusions",
-        "gps_time_ns",
-        "mono_ns",
-        "reasons",
-        "residuals",
-        "state",
-        "statistic",
-        "subjects",
-        "threshold",
-        "triangle",
-        "triangle_alone",
-        "verdict_cause",
-        "verdict_state",
-        "verdict_subjects",
-    ]
+    __slots__ = ["cause", "channels", "check", "checks", "exclusions", "gps_time_ns", "mono_ns", "reasons", "residuals", "state", "statistic", "subjects", "threshold", "triangle", "triangle_alone", "verdict_cause", "verdict_state", "verdict_subjects"]
     CAUSE_FIELD_NUMBER: _ClassVar[int]
     CHANNELS_FIELD_NUMBER: _ClassVar[int]
     CHECKS_FIELD_NUMBER: _ClassVar[int]
@@ -266,27 +167,7 @@ class EpochReport(_message.Message):
     verdict_cause: Cause
     verdict_state: State
     verdict_subjects: _containers.RepeatedScalarFieldContainer[str]
-    def __init__(
-        self,
-        gps_time_ns: _Optional[int] = ...,
-        mono_ns: _Optional[int] = ...,
-        state: _Optional[_Union[State, str]] = ...,
-        cause: _Optional[_Union[Cause, str]] = ...,
-        subjects: _Optional[_Iterable[str]] = ...,
-        verdict_state: _Optional[_Union[State, str]] = ...,
-        verdict_cause: _Optional[_Union[Cause, str]] = ...,
-        verdict_subjects: _Optional[_Iterable[str]] = ...,
-        check: _Optional[str] = ...,
-        statistic: _Optional[float] = ...,
-        threshold: _Optional[float] = ...,
-        reasons: _Optional[_Iterable[str]] = ...,
-        triangle_alone: _Optional[_Union[State, str]] = ...,
-        triangle: _Optional[_Iterable[_Union[Vertex, _Mapping]]] = ...,
-        checks: _Optional[_Iterable[_Union[Check, _Mapping]]] = ...,
-        residuals: _Optional[_Iterable[_Union[Residual, _Mapping]]] = ...,
-        exclusions: _Optional[_Iterable[_Union[Exclusion, _Mapping]]] = ...,
-        channels: _Optional[_Iterable[_Union[Channel, _Mapping]]] = ...,
-    ) -> None: ...
+    def __init__(self, gps_time_ns: _Optional[int] = ..., mono_ns: _Optional[int] = ..., state: _Optional[_Union[State, str]] = ..., cause: _Optional[_Union[Cause, str]] = ..., subjects: _Optional[_Iterable[str]] = ..., verdict_state: _Optional[_Union[State, str]] = ..., verdict_cause: _Optional[_Union[Cause, str]] = ..., verdict_subjects: _Optional[_Iterable[str]] = ..., check: _Optional[str] = ..., statistic: _Optional[float] = ..., threshold: _Optional[float] = ..., reasons: _Optional[_Iterable[str]] = ..., triangle_alone: _Optional[_Union[State, str]] = ..., triangle: _Optional[_Iterable[_Union[Vertex, _Mapping]]] = ..., checks: _Optional[_Iterable[_Union[Check, _Mapping]]] = ..., residuals: _Optional[_Iterable[_Union[Residual, _Mapping]]] = ..., exclusions: _Optional[_Iterable[_Union[Exclusion, _Mapping]]] = ..., channels: _Optional[_Iterable[_Union[Channel, _Mapping]]] = ...) -> None: ...
 
 class Exclusion(_message.Message):
     __slots__ = ["check", "clean_epochs", "clean_since_ns", "satellite", "since_ns", "statistic", "threshold"]
@@ -304,35 +185,10 @@ class Exclusion(_message.Message):
     since_ns: int
     statistic: float
     threshold: float
-    def __init__(
-        self,
-        satellite: _Optional[str] = ...,
-        since_ns: _Optional[int] = ...,
-        check: _Optional[str] = ...,
-        statistic: _Optional[float] = ...,
-        threshold: _Optional[float] = ...,
-        clean_since_ns: _Optional[int] = ...,
-        clean_epochs: _Optional[int] = ...,
-    ) -> None: ...
+    def __init__(self, satellite: _Optional[str] = ..., since_ns: _Optional[int] = ..., check: _Optional[str] = ..., statistic: _Optional[float] = ..., threshold: _Optional[float] = ..., clean_since_ns: _Optional[int] = ..., clean_epochs: _Optional[int] = ...) -> None: ...
 
 class Health(_message.Message):
-    __slots__ = [
-        "cause",
-        "config_sha256",
-        "excluded_satellites",
-        "gps_time_ns",
-        "issued_mono_ns",
-        "monitored",
-        "not_monitored",
-        "reasons",
-        "sequence",
-        "site",
-        "software",
-        "state",
-        "subjects",
-        "utc_ns",
-        "valid_for_ms",
-    ]
+    __slots__ = ["cause", "config_sha256", "excluded_satellites", "gps_time_ns", "issued_mono_ns", "monitored", "not_monitored", "reasons", "sequence", "site", "software", "state", "subjects", "utc_ns", "valid_for_ms"]
     CAUSE_FIELD_NUMBER: _ClassVar[int]
     CONFIG_SHA256_FIELD_NUMBER: _ClassVar[int]
     EXCLUDED_SATELLITES_FIELD_NUMBER: _ClassVar[int]
@@ -363,24 +219,7 @@ class Health(_message.Message):
     subjects: _containers.RepeatedScalarFieldContainer[str]
     utc_ns: int
     valid_for_ms: int
-    def __init__(
-        self,
-        site: _Optional[str] = ...,
-        sequence: _Optional[int] = ...,
-        gps_time_ns: _Optional[int] = ...,
-        utc_ns: _Optional[int] = ...,
-        issued_mono_ns: _Optional[int] = ...,
-        valid_for_ms: _Optional[int] = ...,
-        state: _Optional[_Union[State, str]] = ...,
-        cause: _Optional[_Union[Cause, str]] = ...,
-        subjects: _Optional[_Iterable[str]] = ...,
-        reasons: _Optional[_Iterable[str]] = ...,
-        not_monitored: _Optional[_Iterable[str]] = ...,
-        monitored: _Optional[_Iterable[str]] = ...,
-        excluded_satellites: _Optional[_Iterable[str]] = ...,
-        config_sha256: _Optional[str] = ...,
-        software: _Optional[str] = ...,
-    ) -> None: ...
+    def __init__(self, site: _Optional[str] = ..., sequence: _Optional[int] = ..., gps_time_ns: _Optional[int] = ..., utc_ns: _Optional[int] = ..., issued_mono_ns: _Optional[int] = ..., valid_for_ms: _Optional[int] = ..., state: _Optional[_Union[State, str]] = ..., cause: _Optional[_Union[Cause, str]] = ..., subjects: _Optional[_Iterable[str]] = ..., reasons: _Optional[_Iterable[str]] = ..., not_monitored: _Optional[_Iterable[str]] = ..., monitored: _Optional[_Iterable[str]] = ..., excluded_satellites: _Optional[_Iterable[str]] = ..., config_sha256: _Optional[str] = ..., software: _Optional[str] = ...) -> None: ...
 
 class Ionosphere(_message.Message):
     __slots__ = ["alpha", "beta", "mono_ns"]
@@ -390,24 +229,18 @@ class Ionosphere(_message.Message):
     alpha: _containers.RepeatedScalarFieldContainer[float]
     beta: _containers.RepeatedScalarFieldContainer[float]
     mono_ns: int
-    def __init__(
-        self, mono_ns: _Optional[int] = ..., alpha: _Optional[_Iterable[float]] = ..., beta: _Optional[_Iterable[float]] = ...
-    ) -> None: ...
+    def __init__(self, mono_ns: _Optional[int] = ..., alpha: _Optional[_Iterable[float]] = ..., beta: _Optional[_Iterable[float]] = ...) -> None: ...
+
+class LastClean(_message.Message):
+    __slots__ = ["e_enu_m", "gps_ns"]
+    E_ENU_M_FIELD_NUMBER: _ClassVar[int]
+    GPS_NS_FIELD_NUMBER: _ClassVar[int]
+    e_enu_m: _containers.RepeatedScalarFieldContainer[float]
+    gps_ns: int
+    def __init__(self, gps_ns: _Optional[int] = ..., e_enu_m: _Optional[_Iterable[float]] = ...) -> None: ...
 
 class Observations(_message.Message):
-    __slots__ = [
-        "carrier_cycles",
-        "cn0_dbhz",
-        "doppler_hz",
-        "half_cycle",
-        "lock_s",
-        "mono_ns",
-        "pseudorange_m",
-        "receive_time_ns",
-        "receiver",
-        "signal",
-        "slip",
-    ]
+    __slots__ = ["carrier_cycles", "cn0_dbhz", "doppler_hz", "half_cycle", "lock_s", "mono_ns", "pseudorange_m", "receive_time_ns", "receiver", "signal", "slip"]
     CARRIER_CYCLES_FIELD_NUMBER: _ClassVar[int]
     CN0_DBHZ_FIELD_NUMBER: _ClassVar[int]
     DOPPLER_HZ_FIELD_NUMBER: _ClassVar[int]
@@ -430,20 +263,7 @@ class Observations(_message.Message):
     receiver: str
     signal: _containers.RepeatedScalarFieldContainer[str]
     slip: _containers.RepeatedScalarFieldContainer[bool]
-    def __init__(
-        self,
-        receiver: _Optional[str] = ...,
-        mono_ns: _Optional[int] = ...,
-        receive_time_ns: _Optional[int] = ...,
-        signal: _Optional[_Iterable[str]] = ...,
-        pseudorange_m: _Optional[_Iterable[float]] = ...,
-        carrier_cycles: _Optional[_Iterable[float]] = ...,
-        doppler_hz: _Optional[_Iterable[float]] = ...,
-        cn0_dbhz: _Optional[_Iterable[float]] = ...,
-        lock_s: _Optional[_Iterable[float]] = ...,
-        slip: _Optional[_Iterable[bool]] = ...,
-        half_cycle: _Optional[_Iterable[bool]] = ...,
-    ) -> None: ...
+    def __init__(self, receiver: _Optional[str] = ..., mono_ns: _Optional[int] = ..., receive_time_ns: _Optional[int] = ..., signal: _Optional[_Iterable[str]] = ..., pseudorange_m: _Optional[_Iterable[float]] = ..., carrier_cycles: _Optional[_Iterable[float]] = ..., doppler_hz: _Optional[_Iterable[float]] = ..., cn0_dbhz: _Optional[_Iterable[float]] = ..., lock_s: _Optional[_Iterable[float]] = ..., slip: _Optional[_Iterable[bool]] = ..., half_cycle: _Optional[_Iterable[bool]] = ...) -> None: ...
 
 class PendingEpoch(_message.Message):
     __slots__ = ["epoch_ns", "rows"]
@@ -463,33 +283,10 @@ class Residual(_message.Message):
     sigmas: float
     signal: str
     used: bool
-    def __init__(
-        self, signal: _Optional[str] = ..., used: bool = ..., sigmas: _Optional[float] = ..., b_m: _Optional[_Iterable[float]] = ...
-    ) -> None: ...
+    def __init__(self, signal: _Optional[str] = ..., used: bool = ..., sigmas: _Optional[float] = ..., b_m: _Optional[_Iterable[float]] = ...) -> None: ...
 
 class Snapshot(_message.Message):
-    __slots__ = [
-        "aligned_ns",
-        "cause",
-        "clean_epochs",
-        "clean_since_ns",
-        "dropped",
-        "ephemerides",
-        "exclusions",
-        "heard_ns",
-        "ionosphere",
-        "last_epoch_ns",
-        "mono_ns",
-        "pending",
-        "receiver",
-        "refused_ephemerides",
-        "sequence",
-        "signal",
-        "state",
-        "streams",
-        "streams_epoch_ns",
-        "subjects",
-    ]
+    __slots__ = ["aligned_ns", "cause", "clean_epochs", "clean_since_ns", "dropped", "ephemerides", "exclusions", "heard_ns", "ionosphere", "last_clean", "last_epoch_ns", "mono_ns", "pending", "receiver", "refused_ephemerides", "sequence", "signal", "state", "streams", "streams_epoch_ns", "subjects"]
     class DroppedEntry(_message.Message):
         __slots__ = ["key", "value"]
         KEY_FIELD_NUMBER: _ClassVar[int]
@@ -497,7 +294,6 @@ class Snapshot(_message.Message):
         key: str
         value: int
         def __init__(self, key: _Optional[str] = ..., value: _Optional[int] = ...) -> None: ...
-
     class HeardNsEntry(_message.Message):
         __slots__ = ["key", "value"]
         KEY_FIELD_NUMBER: _ClassVar[int]
@@ -505,7 +301,6 @@ class Snapshot(_message.Message):
         key: str
         value: int
         def __init__(self, key: _Optional[str] = ..., value: _Optional[int] = ...) -> None: ...
-
     ALIGNED_NS_FIELD_NUMBER: _ClassVar[int]
     CAUSE_FIELD_NUMBER: _ClassVar[int]
     CLEAN_EPOCHS_FIELD_NUMBER: _ClassVar[int]
@@ -515,6 +310,7 @@ class Snapshot(_message.Message):
     EXCLUSIONS_FIELD_NUMBER: _ClassVar[int]
     HEARD_NS_FIELD_NUMBER: _ClassVar[int]
     IONOSPHERE_FIELD_NUMBER: _ClassVar[int]
+    LAST_CLEAN_FIELD_NUMBER: _ClassVar[int]
     LAST_EPOCH_NS_FIELD_NUMBER: _ClassVar[int]
     MONO_NS_FIELD_NUMBER: _ClassVar[int]
     PENDING_FIELD_NUMBER: _ClassVar[int]
@@ -535,6 +331,7 @@ class Snapshot(_message.Message):
     exclusions: _containers.RepeatedCompositeFieldContainer[Exclusion]
     heard_ns: _containers.ScalarMap[str, int]
     ionosphere: Ionosphere
+    last_clean: LastClean
     last_epoch_ns: int
     mono_ns: int
     pending: _containers.RepeatedCompositeFieldContainer[PendingEpoch]
@@ -546,29 +343,7 @@ class Snapshot(_message.Message):
     streams: _containers.RepeatedCompositeFieldContainer[StreamMemory]
     streams_epoch_ns: int
     subjects: _containers.RepeatedScalarFieldContainer[str]
-    def __init__(
-        self,
-        mono_ns: _Optional[int] = ...,
-        receiver: _Optional[_Iterable[str]] = ...,
-        signal: _Optional[_Iterable[str]] = ...,
-        streams_epoch_ns: _Optional[int] = ...,
-        streams: _Optional[_Iterable[_Union[StreamMemory, _Mapping]]] = ...,
-        pending: _Optional[_Iterable[_Union[PendingEpoch, _Mapping]]] = ...,
-        last_epoch_ns: _Optional[int] = ...,
-        heard_ns: _Optional[_Mapping[str, int]] = ...,
-        aligned_ns: _Optional[int] = ...,
-        dropped: _Optional[_Mapping[str, int]] = ...,
-        refused_ephemerides: _Optional[int] = ...,
-        ionosphere: _Optional[_Union[Ionosphere, _Mapping]] = ...,
-        ephemerides: _Optional[_Iterable[_Union[Ephemeris, _Mapping]]] = ...,
-        exclusions: _Optional[_Iterable[_Union[Exclusion, _Mapping]]] = ...,
-        state: _Optional[_Union[State, str]] = ...,
-        cause: _Optional[_Union[Cause, str]] = ...,
-        subjects: _Optional[_Iterable[str]] = ...,
-        clean_since_ns: _Optional[int] = ...,
-        clean_epochs: _Optional[int] = ...,
-        sequence: _Optional[int] = ...,
-    ) -> None: ...
+    def __init__(self, mono_ns: _Optional[int] = ..., receiver: _Optional[_Iterable[str]] = ..., signal: _Optional[_Iterable[str]] = ..., streams_epoch_ns: _Optional[int] = ..., streams: _Optional[_Iterable[_Union[StreamMemory, _Mapping]]] = ..., pending: _Optional[_Iterable[_Union[PendingEpoch, _Mapping]]] = ..., last_epoch_ns: _Optional[int] = ..., heard_ns: _Optional[_Mapping[str, int]] = ..., aligned_ns: _Optional[int] = ..., dropped: _Optional[_Mapping[str, int]] = ..., refused_ephemerides: _Optional[int] = ..., ionosphere: _Optional[_Union[Ionosphere, _Mapping]] = ..., ephemerides: _Optional[_Iterable[_Union[Ephemeris, _Mapping]]] = ..., exclusions: _Optional[_Iterable[_Union[Exclusion, _Mapping]]] = ..., state: _Optional[_Union[State, str]] = ..., cause: _Optional[_Union[Cause, str]] = ..., subjects: _Optional[_Iterable[str]] = ..., clean_since_ns: _Optional[int] = ..., clean_epochs: _Optional[int] = ..., sequence: _Optional[int] = ..., last_clean: _Optional[_Union[LastClean, _Mapping]] = ...) -> None: ...
 
 class Started(_message.Message):
     __slots__ = ["config_sha256", "gps_time_ns", "site", "site_toml", "software"]
@@ -582,14 +357,7 @@ class Started(_message.Message):
     site: str
     site_toml: str
     software: str
-    def __init__(
-        self,
-        site: _Optional[str] = ...,
-        software: _Optional[str] = ...,
-        config_sha256: _Optional[str] = ...,
-        site_toml: _Optional[str] = ...,
-        gps_time_ns: _Optional[int] = ...,
-    ) -> None: ...
+    def __init__(self, site: _Optional[str] = ..., software: _Optional[str] = ..., config_sha256: _Optional[str] = ..., site_toml: _Optional[str] = ..., gps_time_ns: _Optional[int] = ...) -> None: ...
 
 class StreamMemory(_message.Message):
     __slots__ = ["cn0_baseline_dbhz", "last_seen_ns", "pseudorange_m"]
@@ -599,12 +367,7 @@ class StreamMemory(_message.Message):
     cn0_baseline_dbhz: _containers.RepeatedScalarFieldContainer[float]
     last_seen_ns: _containers.RepeatedScalarFieldContainer[int]
     pseudorange_m: _containers.RepeatedScalarFieldContainer[float]
-    def __init__(
-        self,
-        last_seen_ns: _Optional[_Iterable[int]] = ...,
-        pseudorange_m: _Optional[_Iterable[float]] = ...,
-        cn0_baseline_dbhz: _Optional[_Iterable[float]] = ...,
-    ) -> None: ...
+    def __init__(self, last_seen_ns: _Optional[_Iterable[int]] = ..., pseudorange_m: _Optional[_Iterable[float]] = ..., cn0_baseline_dbhz: _Optional[_Iterable[float]] = ...) -> None: ...
 
 class Tick(_message.Message):
     __slots__ = ["mono_ns", "utc_ns", "utc_uncertainty_ns"]
@@ -628,14 +391,7 @@ class Vertex(_message.Message):
     receiver: str
     satellites: int
     up_m: float
-    def __init__(
-        self,
-        receiver: _Optional[str] = ...,
-        east_m: _Optional[float] = ...,
-        north_m: _Optional[float] = ...,
-        up_m: _Optional[float] = ...,
-        satellites: _Optional[int] = ...,
-    ) -> None: ...
+    def __init__(self, receiver: _Optional[str] = ..., east_m: _Optional[float] = ..., north_m: _Optional[float] = ..., up_m: _Optional[float] = ..., satellites: _Optional[int] = ...) -> None: ...
 
 class State(int, metaclass=_enum_type_wrapper.EnumTypeWrapper):
     __slots__ = []

@@ -1,7 +1,9 @@
 """The solved triangle against the reference triangle: circles, common position, shape, collapse, and who is to blame.
 
 e_j is solved minus surveyed position of receiver j, east, north, up. Error model (section 2.2): e_j = c + d_j, with c common to all
-receivers (Sigma_c) and d_j each receiver's own (Sigma_d), both diagonal. NaN in, NaN out: a check on NaN does not pass.
+receivers (Sigma_c) and d_j each receiver's own (Sigma_d), both diagonal. The site states both for its usual geometry; in an epoch
+whose satellites promise less (a satellite excluded, few in sight), both variances grow by the same factor, axis by axis. The circles
+do not grow: what the line tolerates does not depend on the sky. NaN in, NaN out: a check on NaN does not pass.
 """
 
 from itertools import combinations, permutations
@@ -31,23 +33,32 @@ class TriangleStatistics(NamedTuple):
     log_likelihood_ratio: Floats
 
 
-def triangle_statistics(e_enu_m: Floats, triangle: ReferenceTriangle, promises: IntegrityConfig) -> TriangleStatistics:
+class Variances(NamedTuple):
+    """Diagonals of Sigma_c and Sigma_d, m2, east, north, up: each (E, 3)."""
+
+    common: Floats
+    differential: Floats
+
+
+def variances(cov_enu_m2: Floats, promises: IntegrityConfig) -> Variances:
+    """The site's variances, grown where the covariance of the solutions (E, R, 3, 3), mean over receivers, exceeds the common one."""
+    common = np.array([promises.sigma_common_m, promises.sigma_common_m, promises.sigma_common_up_m]) ** 2
+    differential = np.array([promises.sigma_differential_m, promises.sigma_differential_m, promises.sigma_differential_up_m]) ** 2
+    promised = np.diagonal(cov_enu_m2, axis1=-2, axis2=-1).mean(axis=1)
+    growth = np.maximum(promised / common, 1.0)
+    return Variances(common * growth, differential * growth)
+
+
+def triangle_statistics(e_enu_m: Floats, var: Variances, triangle: ReferenceTriangle) -> TriangleStatistics:
     """All statistics of displacements (E, R, 3)."""
-    var_c = np.array([promises.sigma_common_m**2] * 2 + [promises.sigma_common_up_m**2])
-    var_d = np.array([promises.sigma_differential_m**2] * 2 + [promises.sigma_differential_up_m**2])
     n = e_enu_m.shape[1]
     mean = e_enu_m.mean(axis=1)
     own = e_enu_m - mean[:, None, :]
+    var_d = var.differential[:, None, :]
 
-    common = mean**2 / (var_c + var_d / n)
+    common = mean**2 / (var.common + var.differential / n)
     shape = (own**2 / var_d).sum(axis=1)
     isolation = n / (n - 1) * (own**2 / var_d).sum(axis=-1)
-
-    others = (n * mean[:, None, :] - e_enu_m) / (n - 1)  # e_kl
-    spread_of_others = np.stack([_spread(np.delete(e_enu_m, j, axis=1), var_d) for j in range(n)], axis=1)
-    one_alone = (e_enu_m**2 / (var_c + var_d)).sum(axis=-1)
-    the_others = (others**2 / (var_c + var_d / (n - 1))).sum(axis=-1)
-
     return TriangleStatistics(
         circle_m=np.hypot(e_enu_m[..., 0], e_enu_m[..., 1]),
         common=common[:, :2].sum(axis=-1),
@@ -57,14 +68,24 @@ def triangle_statistics(e_enu_m: Floats, triangle: ReferenceTriangle, promises: 
         collapse=collapse_statistic(own, triangle.baseline_enu_m, var_d),
         collapse_fit=_spread(solved_points_m(e_enu_m, triangle), var_d),
         isolation=isolation,
-        pair=spread_of_others,
-        log_likelihood_ratio=0.5 * (one_alone - the_others),
+        pair=np.stack([_spread(np.delete(e_enu_m, j, axis=1), var_d) for j in range(n)], axis=1),
+        log_likelihood_ratio=log_likelihood_ratio(e_enu_m, var.common[:, None, :], var_d),
     )
+
+
+def log_likelihood_ratio(e_enu_m: Floats, var_common: Floats, var_d: Floats) -> Floats:
+    """For each receiver (E, R): that it alone is off, against that all others are off alike; rule (iv) of section 2.2."""
+    n = e_enu_m.shape[1]
+    others = (e_enu_m.sum(axis=1, keepdims=True) - e_enu_m) / (n - 1)  # e_kl
+    one_alone = (e_enu_m**2 / (var_common + var_d)).sum(axis=-1)
+    the_others = (others**2 / (var_common + var_d / (n - 1))).sum(axis=-1)
+    ratio: Floats = 0.5 * (one_alone - the_others)
+    return ratio
 
 
 def collapse_statistic(own_m: Floats, baseline_m: Floats, var_d: Floats) -> Floats:
     """S (E,) of section 2.6: the matched filter for "all receivers stand at one point"; N(0, 1) without, N(sqrt(Lambda), 1) with."""
-    Lambda = (baseline_m**2 / var_d).sum()
+    Lambda = (baseline_m**2 / var_d).sum(axis=(1, 2))
     S: Floats = -(own_m * baseline_m / var_d).sum(axis=(1, 2)) / np.sqrt(Lambda)
     return S
 
@@ -82,24 +103,18 @@ def _spread(points_m: Floats, var_d: Floats) -> Floats:
     return total
 
 
-def named_receiver(statistics: TriangleStatistics, limits: Limits) -> Bools:
-    """The receiver (E, R) that may be named faulty, if any: rules (i) to (iv) of section 2.2.
+def suspects(statistics: TriangleStatistics, limits: Limits) -> Bools:
+    """The receiver (E, R) that rules (i) to (iii) of section 2.2 point at, if any.
 
     (i) it is the furthest from the others, and its own statistic exceeds, (ii) the others agree, (iii) the others are inside their
-    circles, (iv) one faulty receiver is a thousand times likelier than two that fail alike.
+    circles. It may be named when (iv) one faulty receiver is also a thousand times likelier than two that fail alike.
     """
     n = statistics.isolation.shape[1]
     inside = statistics.circle_m <= limits.radius_m
     others_inside = np.stack([np.delete(inside, j, axis=1).all(axis=1) for j in range(n)], axis=1)
     furthest = statistics.isolation == statistics.isolation.max(axis=1, keepdims=True)
-    named: Bools = (
-        furthest
-        & (statistics.isolation > limits.isolation)
-        & (statistics.pair <= limits.pair)
-        & others_inside
-        & (statistics.log_likelihood_ratio > limits.log_likelihood_ratio)
-    )
-    return named
+    suspected: Bools = furthest & (statistics.isolation > limits.isolation) & (statistics.pair <= limits.pair) & others_inside
+    return suspected
 
 
 def swapped_receivers(e_enu_m: Floats, triangle: ReferenceTriangle, limits: Limits) -> str:

@@ -203,8 +203,17 @@ def test_a_stepping_satellite_is_excluded_in_the_first_epoch_and_nothing_else_in
 
 @of_cases
 def test_a_stepping_satellite_leaves_normal_where_the_site_excludes(case: Case) -> None:
-    wrong = {s: not_normal for s in high_satellites(case) if (not_normal := _other(decided(case, step(s), "exclude"), (State.NORMAL,)))}
-    assert wrong == {}
+    """But for two satellites of the roof: without them the horizontal dilution rises from 1.4 to as much as 3.6."""
+    carrying = {"G16", "G19"} if case[0] is NEAR else set()
+    wrong = {s: other for s in high_satellites(case) if (other := _other(decided(case, step(s), "exclude"), (State.NORMAL,)))}
+    assert set(wrong) <= carrying
+
+
+@pytest.mark.parametrize("minute", ["05:15", "05:25", "05:35", "05:45"])
+@pytest.mark.parametrize("satellite", ["G16", "G19"])
+def test_where_the_sky_left_is_too_weak_for_the_circles_the_satellite_is_named(satellite: str, minute: str) -> None:
+    reports = [r for r in decided((NEAR, minute), step(satellite), "exclude") if r.state is not State.NORMAL]
+    assert {(r.state, r.cause, r.subjects) for r in reports} <= {(State.SATELLITE_ANOMALY, Cause.SATELLITE, (satellite,))}
 
 
 @of_cases

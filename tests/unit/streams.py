@@ -6,7 +6,6 @@ from functools import cache
 from typing import Any
 
 import numpy as np
-from sites import A_ECEF_M, B_ECEF_M, C_ECEF_M
 
 from integrity.config import IntegrityConfig, ReceiverConfig, SiteConfig
 from integrity.events import Event, ObservationsReceived, Tick
@@ -16,6 +15,7 @@ from integrity.limits import Limits, derive
 from integrity.outputs import Alert, EpochReport, HealthReport, Output
 from integrity.triangle import reference_triangle
 from recordings.simulate.observations import simulate
+from tests.unit.sites import A_ECEF_M, B_ECEF_M, C_ECEF_M
 
 START_NS = parse_utc("2026-03-02T03:00:00Z")
 SEED = 1
