@@ -86,7 +86,7 @@ def replay(
     from recordings.explain import explain
     from recordings.reader import read_recording
     from recordings.site_file import load_site, override_site
-    from recordings.summary import Summary, alerted, as_json_object, in_window, write_epochs_csv
+    from recordings.summary import Summary, alerted, as_json_object, in_window, silences, write_epochs_csv
 
     if fail_on not in (None, "alert"):
         raise ConfigError(f"--fail-on {fail_on}: the only choice is alert")
@@ -115,7 +115,10 @@ def replay(
     if plot:
         from recordings.report.plot import replay_svg
 
-        plot.write_text(replay_svg(f"{recording.name}, site {chosen.config.site_id}", monitor.triangle, monitor.limits, reports), "utf-8")
+        if not reports:
+            raise ConfigError("there is no epoch in the window: nothing to draw")
+        title = f"{recording.name}, site {chosen.config.site_id}"
+        plot.write_text(replay_svg(title, monitor.triangle, monitor.limits, reports, silences(summary)), "utf-8")
     print(json.dumps(as_json_object(summary), indent=2) if as_json else explain(summary), end="\n" if as_json else "")
     if diff:
         lines = differences(recorded_reports(contents, start_ns, end_ns), reports)

@@ -3,6 +3,7 @@
 import csv
 import hashlib
 import json
+from bisect import bisect_right
 from collections import Counter
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
@@ -85,6 +86,19 @@ def episodes(summary: Summary) -> list[dict[str, Any]]:
         last = summary.health[-1]
         found[-1]["end"] = _utc_of(last, by_epoch.get(last.gps_time_ns or -1))
     return found
+
+
+def silences(summary: Summary) -> list[tuple[int, int]]:
+    """Stretches (from, to) of GPS time in which a stream was silent: from the last epoch before to the first after, or to the last word."""
+    epochs = sorted(r.gps_time_ns for r in summary.reports)
+    mono_of = {r.gps_time_ns: r.mono_ns for r in summary.reports}
+    found: dict[int, int] = {}
+    for h in summary.health:
+        if h.gps_time_ns is not None and h.mono_ns != mono_of.get(h.gps_time_ns, h.mono_ns):
+            later = bisect_right(epochs, h.gps_time_ns)
+            end_ns = epochs[later] if later < len(epochs) else h.gps_time_ns + h.mono_ns - mono_of[h.gps_time_ns]
+            found[h.gps_time_ns] = end_ns
+    return sorted(found.items())
 
 
 def exclusions(reports: Sequence[EpochReport]) -> list[dict[str, Any]]:

@@ -1,7 +1,7 @@
 """What the receivers of a site would have measured under a simulated constellation, as the events that its station would have met.
 
 Ranges belong to the ephemerides in force, so that the broadcast models find the surveyed points but for the errors of `ErrorModel`.
-Light time is iterated and the frame turned under the signal (no linearised Sagnac term): right to 0.1 mm, then rounded to 1 mm.
+Light time is iterated and the frame turned under the signal (no linearised Sagnac term): right to 0.1 mm, then rounded to 1/1024 m (a binary fraction compresses well).
 """
 
 import math
@@ -143,9 +143,9 @@ def _measured(
     neutral_m = sky.range_m + clock_m + sky.troposphere_m
     ambiguity = [[generator(seed, f"ambiguity/{r}/{s}").integers(-1_000_000, 1_000_000) for s in satellites] for r in receivers]
     return {
-        "pseudorange_m": _rounded(neutral_m + sky.ionosphere_m + spoiled.code_m, 1000),
-        "carrier_cycles": _rounded((neutral_m - sky.ionosphere_m + spoiled.carrier_m) / WAVELENGTH_M + np.array(ambiguity), 1000),
-        "doppler_hz": _rounded(-(sky.range_rate_mps + clock_mps + spoiled.range_rate_mps) / WAVELENGTH_M, 1000),
+        "pseudorange_m": _rounded(neutral_m + sky.ionosphere_m + spoiled.code_m, 1024),
+        "carrier_cycles": _rounded((neutral_m - sky.ionosphere_m + spoiled.carrier_m) / WAVELENGTH_M + np.array(ambiguity), 1024),
+        "doppler_hz": _rounded(-(sky.range_rate_mps + clock_mps + spoiled.range_rate_mps) / WAVELENGTH_M, 1024),
         "cn0_dbhz": _rounded(spoiled.cn0_dbhz, 4),
     }
 

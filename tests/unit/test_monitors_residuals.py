@@ -54,7 +54,7 @@ def test_a_clock_is_the_weighted_mean_of_its_constellation() -> None:
 @given(st.floats(-1e6, 1e6), st.integers(0, 2), st.integers(0, 1))
 def test_a_clock_of_one_receiver_and_constellation_moves_no_residual(clock_m: float, receiver: int, system: int) -> None:
     moved = np.array(QUIET)
-    moved[0, receiver, SYSTEM_OF == system] += clock_m
+    moved[0, receiver, system == SYSTEM_OF] += clock_m
     assert residuals(moved).residual_m == pytest.approx(residuals(QUIET).residual_m, abs=1e-6)
 
 
@@ -152,13 +152,6 @@ def test_b_values_are_normalised() -> None:
     variance = normalised_b_values(own, sigma_d).var(axis=0)
     # Four standard errors of a variance, and some room for the largest of 24.
     assert variance == pytest.approx(np.ones((3, N)), abs=5.0 * np.sqrt(2.0 / 100_000))
-
-
-@pytest.mark.parametrize("value", [np.inf, -np.inf])
-def test_an_infinite_residual_gives_no_b_value_and_no_warning(value: float) -> None:
-    r = np.zeros((1, 3, N))
-    r[0, 1, 3] = value
-    assert not np.isfinite(b_values_m(r)[0, :, 3]).any()
 
 
 @pytest.mark.parametrize(

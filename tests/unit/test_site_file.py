@@ -5,7 +5,7 @@ from hashlib import sha256
 from pathlib import Path
 
 import pytest
-from sites import A_ECEF_M, SITE, edited
+from tests.unit.sites import A_ECEF_M, SITE, edited
 
 from integrity.config import IntegrityConfig, SiteConfig
 from recordings.site_file import config_sha256, load_site, override_site, parse_site

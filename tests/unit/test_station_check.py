@@ -2,7 +2,7 @@ import json
 from pathlib import Path
 
 import pytest
-from sites import SITE, edited
+from tests.unit.sites import SITE, edited
 
 from integrity.limits import derive
 from integrity.triangle import reference_triangle

@@ -76,7 +76,7 @@ def seen_from_the_points(events: tuple[Event, ...]) -> tuple[ObservationBlock, E
 @pytest.mark.parametrize("start_ns", [START_NS, BEFORE_CHANGE_NS, START_NS + 560 * NS_PER_S, WEEK_NS * 2409 - 30 * NS_PER_S])
 @pytest.mark.parametrize("seed", [1, 2])
 def test_without_errors_the_surveyed_points_are_found(seed: int, start_ns: int) -> None:
-    """Below 5 mm, also across changes of ephemerides and the end of the week; ranges are rounded to 1 mm."""
+    """Below 5 mm, also across changes of ephemerides and the end of the week; ranges are rounded to 1/1024 m."""
     block, store, index, at_points = seen_from_the_points(simulate(SITE, start_ns, 60.0, 1.0, seed, EXACT))
     states = satellite_states(store.ephemerides, index, state_time_ns(block.epoch_ns))
     used = np.isfinite(block.pseudorange_m)
@@ -144,7 +144,7 @@ def test_lock_time_counts_from_the_first_epoch_in_sight() -> None:
 
 def test_measurements_have_the_resolution_of_a_receiver() -> None:
     row = rows_of(simulate(SITE, START_NS, 1.0, 1.0, 1), "A")[0].row
-    for values, per_unit in ((row.pseudorange_m, 1000), (row.carrier_cycles, 1000), (row.doppler_hz, 1000), (row.cn0_dbhz, 4)):
+    for values, per_unit in ((row.pseudorange_m, 1024), (row.carrier_cycles, 1024), (row.doppler_hz, 1024), (row.cn0_dbhz, 4)):
         assert np.array_equal(np.round(values * per_unit) / per_unit, values)
 
 
