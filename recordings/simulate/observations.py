@@ -1,7 +1,8 @@
 """What the receivers of a site would have measured under a simulated constellation, as the events that its station would have met.
 
 Ranges belong to the ephemerides in force, so that the broadcast models find the surveyed points but for the errors of `ErrorModel`.
-Light time is iterated and the frame turned under the signal (no linearised Sagnac term): right to 0.1 mm, then rounded to 1/1024 m (a binary fraction compresses well).
+Light time is iterated and the frame turned under the signal (no linearised Sagnac term): right to 0.1 mm, then rounded to 1/1024 m
+(a binary fraction compresses well).
 """
 
 import math
