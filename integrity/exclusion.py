@@ -24,7 +24,7 @@ import numpy as np
 
 from integrity.gnss.observations import Bools, Floats, Ints
 from integrity.limits import Limits
-from integrity.monitors.residuals import known_point_residuals, normalised_b_values, seen_by_all, worst
+from integrity.monitors.residuals import known_point_residuals, normalised_b_values, seen_by_all, without_lone_satellites, worst
 
 
 @dataclass(frozen=True)
@@ -126,7 +126,7 @@ def _epoch(
     used = inputs.screened & ~out
     left_out = _failing_channels(inputs, used, receivers, satellites, limits)
     newly = _failing_satellites(inputs, used & ~np.isin(satellites, [c.satellite for c in left_out]), satellites, gps_ns, limits)
-    used = used & ~np.isin(satellites, list(newly))
+    used = without_lone_satellites(used & ~np.isin(satellites, list(newly)), inputs.system_of, inputs.n_systems)
     statistic, _ = inputs.statistics(used)
     after: dict[str, Exclusion] = {}
     for satellite, exclusion in table.items():
@@ -153,7 +153,7 @@ def _failing_channels(
         if not own_trouble or used.sum() <= limits.min_common_satellites:
             return ()
         channels.append(Channel(receivers[r], satellites[s], float(sizes[r, s]), limits["b_value"]))
-        used = used & ~np.isin(satellites, [satellites[s]])
+        used = without_lone_satellites(used & ~np.isin(satellites, [satellites[s]]), inputs.system_of, inputs.n_systems)
     statistic, b = inputs.statistics(used)
     return tuple(channels) if worst(np.abs(b).max(axis=1), used)[0] <= limits["b_value"] else ()
 
@@ -193,6 +193,6 @@ def _failing_satellites(
             return {}
         satellite = satellites[suspect]
         failing[satellite] = Exclusion(satellite, gps_ns, "residual", float(statistic[0, suspect]), limits["residual"])
-        used = used & ~np.isin(satellites, [satellite])
+        used = without_lone_satellites(used & ~np.isin(satellites, [satellite]), inputs.system_of, inputs.n_systems)
     statistic, _ = inputs.statistics(used)
     return failing if worst(statistic, used)[0] <= limits["residual"] else {}

@@ -14,7 +14,7 @@ from dataclasses import dataclass, replace
 from enum import Enum
 
 from integrity.limits import Limits
-from integrity.states import Cause, State
+from integrity.states import STATE_OF_CAUSE, Cause, State
 from integrity.verdict import Verdict
 
 
@@ -29,7 +29,7 @@ class Health:
     clean_epochs: int = 0
 
     def __post_init__(self) -> None:
-        if (self.state is State.NORMAL) != (self.cause is Cause.NONE):
+        if self.state is not (State.NORMAL if self.cause is Cause.NONE else STATE_OF_CAUSE[self.cause]):
             raise ValueError(f"state {self.state} cannot have cause {self.cause!r}")
 
 

@@ -85,7 +85,7 @@ def derive(site: SiteConfig, triangle: ReferenceTriangle) -> Limits:
 
     full = promises.rule == "full"
     stops_for_satellite = promises.on_satellite_fault == "stop"
-    families = (5 + stops_for_satellite) if full else 2
+    families = 5 + stops_for_satellite  # whatever the rule: the triangle alone is judged by the same thresholds
     share = promises.false_stops_per_year / families
     exclusions = share if stops_for_satellite else promises.false_exclusions_per_year
     n = len(site.receivers)

@@ -14,6 +14,7 @@ from integrity.gnss.observations import Bools, Ints, ObservationBlock, build_blo
 from integrity.gnss.positioning import Points, Prefit, prefit, range_sigma_m, state_time_ns
 from integrity.gnss.signals import SYSTEMS, system_index
 from integrity.limits import Limits
+from integrity.monitors.residuals import without_lone_satellites
 
 
 @dataclass(frozen=True, eq=False)
@@ -46,24 +47,23 @@ def observe(
     at_points = prefit(block, states, points, epochs[0].klobuchar)
     healthy = usable(ephemerides, index)
 
+    system_of = np.array([system_index(s) for s in block.satellites], dtype=np.int64)
     promises = site.integrity
     el_rad = at_points.el_rad.mean(axis=1)
     satellites = SatelliteInputs(
         prefit_m=at_points.residual_m,
         sigma_m=range_sigma_m(el_rad, promises.sigma_range_m, promises.sigma_range_low_m, accuracy_m(ephemerides, index)),
         sigma_differential_m=range_sigma_m(el_rad, promises.sigma_range_differential_m, promises.sigma_range_differential_low_m),
-        screened=screen(block, at_points, healthy, limits),
-        system_of=np.array([system_index(s) for s in block.satellites], dtype=np.int64),
+        screened=screen(block, at_points, healthy, system_of, limits),
+        system_of=system_of,
         n_systems=len(SYSTEMS),
     )
     return Sight(block, epochs[0].klobuchar, ephemerides, index, states, at_points, healthy, satellites)
 
 
-def screen(block: ObservationBlock, at_points: Prefit, healthy: Bools, limits: Limits) -> Bools:
-    """The common set (E, S): one signal per satellite, measured by all receivers, healthy, above the mask, plausible, not too weak.
-
-    A satellite alone in its constellation is left out: it determines a clock, nothing else, and nothing checks it.
-    """
+def screen(block: ObservationBlock, at_points: Prefit, healthy: Bools, system_of: Ints, limits: Limits) -> Bools:
+    """The common set (E, S): one signal per satellite, measured by all receivers, healthy, above the mask, plausible, not too weak,
+    not alone in its constellation."""
     low_m, high_m = limits.pseudorange_range_m
     rho, cn0 = block.pseudorange_m, block.cn0_dbhz
     good = (rho >= low_m) & (rho <= high_m) & ~(cn0 < limits.min_cn0_dbhz) & (at_points.el_rad >= limits.elevation_mask_rad)
@@ -73,8 +73,4 @@ def screen(block: ObservationBlock, at_points: Prefit, healthy: Bools, limits: L
         if block.satellites[s] != block.satellites[first]:
             first = s
         screened[:, s] &= ~screened[:, first:s].any(axis=1)
-    for system in SYSTEMS:
-        members = np.array([satellite[0] == system for satellite in block.satellites], dtype=np.bool_)
-        alone = (screened & members).sum(axis=1) == 1
-        screened &= ~(alone[:, None] & members)
-    return screened
+    return without_lone_satellites(screened, system_of, len(SYSTEMS))

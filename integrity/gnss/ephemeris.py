@@ -70,6 +70,8 @@ class Ephemeris:
             return f"sqrt(A) = {self.sqrt_a:.1f} sqrt(m), expected 5000 to 5600"
         if not 0.0 <= self.e < 0.1:
             return f"eccentricity {self.e:.4f}, expected 0 to 0.1"
+        if not 0.0 < self.fit_half_s <= 86_400.0:
+            return f"usable for {self.fit_half_s:.3g} s on either side of its reference time, expected up to a day"
         if abs(self.toc_ns - self.toe_ns) > 86_400 * NS_PER_S:
             return "clock and orbit reference times are more than a day apart"
         if abs(self.af0) > 0.1 or abs(self.group_delay_s) > 1e-6:

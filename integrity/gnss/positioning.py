@@ -7,7 +7,7 @@ Each clock is eliminated by subtracting its constellation's weighted mean, which
 in closed form: no linear-algebra library, so that every machine computes the same.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import IntEnum
 from typing import NamedTuple
 
@@ -226,33 +226,44 @@ def positions(
     system_of: Ints,
     n_systems: int,
 ) -> Solution:
-    """The solution on the given prefit, linearised again, in the axes of `points`, for epochs where a receiver is over 1 km away."""
+    """The solution on the given prefit; epochs in which a receiver is over 1 km away are linearised again where it is.
+
+    Displacements and covariances stay in the axes of `points`; residuals of such epochs are not those of `first`.
+    """
     solution = solve(first.residual_m, first.los_enu, sigma_m, used, system_of, n_systems)
     far = np.flatnonzero((np.abs(solution.e_enu_m) > RELINEARISE_BEYOND_M).any(axis=(1, 2)))
     if not len(far):
         return solution
     block_far, states_far = _epochs_of_block(block, far), _epochs_of_states(states, far)
-    shape = (len(far), *first.residual_m.shape[1:])
-    sigma_far, used_far = np.broadcast_to(sigma_m, first.residual_m.shape)[far], np.broadcast_to(used, first.residual_m.shape)[far]
-    e = np.array(solution.e_enu_m[far])
-    refined = solution
+    shape = first.residual_m.shape
+    sigma_far, used_far = np.broadcast_to(sigma_m, shape)[far], np.broadcast_to(used, shape)[far]
+    refined, e = solution, np.array(solution.e_enu_m[far])
+    pos = points.pos_ecef_m + _turn(np.swapaxes(points.enu, -1, -2), np.where(np.isfinite(e), e, 0.0))
     for _ in range(RELINEARISATIONS):
-        start = np.where(np.isfinite(e), e, 0.0)
-        moved = points.pos_ecef_m + (np.swapaxes(points.enu, -1, -2) @ start[..., None])[..., 0]
-        there = points_at(moved)
-        again = prefit(block_far, states_far, Points(*there[:4], np.broadcast_to(points.enu, (*shape[:2], 3, 3))), klobuchar)
+        there = points_at(pos)
+        again = prefit(block_far, states_far, there, klobuchar)
         refined = solve(again.residual_m, again.los_enu, sigma_far, used_far, system_of, n_systems)
-        e = start + refined.e_enu_m
+        step = refined.e_enu_m
+        pos = pos + _turn(np.swapaxes(there.enu, -1, -2), np.where(np.isfinite(step), step, 0.0))
     converged: Bools = np.all(np.abs(refined.e_enu_m) < 0.01, axis=-1)
-    return _replaced(solution, far, refined, e, converged)
+    e = _turn(points.enu, pos - points.pos_ecef_m)
+    turn = points.enu @ np.swapaxes(there.enu, -1, -2)
+    cov = turn @ refined.cov_enu_m2 @ np.swapaxes(turn, -1, -2)
+    return _replaced(solution, far, replace(refined, e_enu_m=e, cov_enu_m2=cov), converged)
 
 
-def _replaced(solution: Solution, far: Ints, refined: Solution, e: Floats, converged: Bools) -> Solution:
-    """`solution` with the epochs `far` taken from `refined`, displaced by e; NaN and DIVERGED where it did not converge."""
+def _turn(axes: Floats, vectors: Floats) -> Floats:
+    """Vectors (..., 3) in other axes (..., 3, 3)."""
+    turned: Floats = (axes @ vectors[..., None])[..., 0]
+    return turned
+
+
+def _replaced(solution: Solution, far: Ints, refined: Solution, converged: Bools) -> Solution:
+    """`solution` with the epochs `far` taken from `refined`; NaN and DIVERGED where it did not converge."""
     values = {name: np.array(getattr(solution, name)) for name in Solution.__dataclass_fields__}
     for name, array in values.items():
         array[far] = getattr(refined, name)
-    values["e_enu_m"][far] = np.where(converged[..., None], e, np.nan)
+    values["e_enu_m"][far] = np.where(converged[..., None], refined.e_enu_m, np.nan)
     values["why"][far] = np.where(refined.solved & ~converged, Unsolved.DIVERGED, refined.why)
     return Solution(**values)
 

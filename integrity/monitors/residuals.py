@@ -66,6 +66,16 @@ def normalised_b_values(residual_m: Floats, sigma_differential_m: Floats) -> Flo
     return normalised
 
 
+def without_lone_satellites(used: Bools, system_of: Ints, n_systems: int) -> Bools:
+    """`used` (E, S) less satellites alone in their constellation: one determines a clock, nothing else, and nothing checks it."""
+    kept = np.array(used)
+    for k in range(n_systems):
+        member = system_of == k
+        alone = (used & member).sum(axis=1) == 1
+        kept &= ~(alone[:, None] & member)
+    return kept
+
+
 def worst(statistic: Floats, used: Bools) -> Floats:
     """Largest statistic of the satellites used, (E,); NaN where none is used or one of them has none."""
     largest = np.where(used, np.where(np.isnan(statistic), np.inf, statistic), -np.inf).max(axis=-1, initial=-np.inf)

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from integrity.exclusion import Exclusion, SatelliteInputs, Table, Walk, walk
+from integrity.exclusion import Exclusion, SatelliteInputs, Table, Walk, walk, without_channels
 from integrity.gnss.gps_time import NS_PER_S
 from integrity.gnss.observations import Bools, Floats
 from tests.unit.streams import LIMITS as SITE_LIMITS
@@ -217,37 +217,57 @@ def test_a_satellite_left_alone_in_its_constellation_is_left_out_too() -> None:
 # ---- channels
 
 
+def channels(walked: Walk, e: int = -1) -> set[tuple[str, str]]:
+    return {(c.receiver, c.satellite) for c in walked.channels[e]}
+
+
 @pytest.mark.parametrize("receiver", ALL)
-def test_one_channel_is_left_out_without_blame(receiver: int) -> None:
+def test_one_channel_could_be_left_out_without_blame(receiver: int) -> None:
     walked = decided(with_fault("G03", 10.0, (receiver,)))
-    named = [(c.receiver, c.satellite) for c in walked.channels[0]]
-    assert (used(walked), walked.table, named) == (EVERY - {"G03"}, {}, [(RECEIVERS[receiver], "G03")])
+    assert (walked.table, channels(walked)) == ({}, {(RECEIVERS[receiver], "G03")})
 
 
-def test_a_channel_is_forgotten_in_the_next_epoch() -> None:
-    walked = decided(with_fault("G03", 10.0, (1,), slice(0, 1), on=sky(2)))
-    assert (used(walked, 1), walked.channels[1]) == (EVERY, ())
+def test_a_channel_is_in_use_until_it_is_known_to_help() -> None:
+    assert used(decided(with_fault("G03", 10.0, (1,)))) == EVERY
 
 
-def test_one_channel_of_each_receiver_is_left_out() -> None:
+def test_a_channel_that_helps_is_not_used() -> None:
+    walked = without_channels(decided(with_fault("G03", 10.0, (1,))), SATELLITES, np.array([True]))
+    assert (used(walked), channels(walked)) == (EVERY - {"G03"}, {("B", "G03")})
+
+
+def test_a_channel_that_does_not_help_is_used_and_forgotten() -> None:
+    walked = without_channels(decided(with_fault("G03", 10.0, (1,))), SATELLITES, np.array([False]))
+    assert (used(walked), channels(walked)) == (EVERY, set())
+
+
+def test_a_channel_that_helps_brings_no_excluded_satellite_back() -> None:
+    walked = without_channels(decided(with_fault("G05", 10.0, (1,)), OUT), SATELLITES, np.array([True]))
+    assert used(walked) == EVERY - {"G03", "G05"}
+
+
+def test_a_channel_has_no_memory() -> None:
+    assert channels(decided(with_fault("G03", 10.0, (1,), slice(0, 1), on=sky(2))), 1) == set()
+
+
+def test_one_channel_of_each_receiver_could_be_left_out() -> None:
     ranges = with_fault("G03", 10.0, (0,), on=with_fault("G05", 12.0, (1,), on=with_fault("E02", -14.0, (2,))))
-    assert {(c.receiver, c.satellite) for c in decided(ranges).channels[0]} == {("A", "G03"), ("B", "G05"), ("C", "E02")}
+    assert channels(decided(ranges)) == {("A", "G03"), ("B", "G05"), ("C", "E02")}
 
 
-def test_two_channels_of_one_receiver_leave_everything_in() -> None:
+def test_two_channels_of_one_receiver_are_a_fault_of_the_receiver() -> None:
     ranges = with_fault("G03", 10.0, (0,), on=with_fault("G05", 15.0, (0,)))
-    walked = decided(ranges)
-    assert (used(walked), walked.channels) == (EVERY, [()])
+    assert channels(decided(ranges)) == set()
 
 
-def test_no_channel_is_left_out_where_too_few_would_remain() -> None:
+def test_no_channel_could_be_left_out_where_too_few_would_remain() -> None:
     five = np.arange(N) < LIMITS.min_common_satellites
     assert decided(with_fault("G03", 10.0, (0,)), screened=five).channels == [()]
 
 
 def test_a_channel_and_a_faulty_satellite_at_once() -> None:
     walked = decided(with_fault("G03", 10.0, (0,), on=with_fault("G06", STEP_M)))
-    assert (set(walked.table), [c.satellite for c in walked.channels[0]]) == ({"G06"}, ["G03"])
+    assert (set(walked.table), channels(walked)) == ({"G06"}, {("A", "G03")})
 
 
 # ---- the walk itself

@@ -5,11 +5,11 @@ from hashlib import sha256
 from pathlib import Path
 
 import pytest
-from tests.unit.sites import A_ECEF_M, SITE, edited
 
 from integrity.config import IntegrityConfig, SiteConfig
 from recordings.site_file import config_sha256, load_site, override_site, parse_site
 from recordings.toml_file import ConfigProblems
+from tests.unit.sites import A_ECEF_M, SITE, edited
 
 A_LINE = "position_ecef_m = [-3962108.673, 3381309.574, 3668678.638]"
 B_LINE = "position_ecef_m = [-3962186.571, 3381218.295, 3668678.638]"

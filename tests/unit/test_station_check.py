@@ -2,12 +2,12 @@ import json
 from pathlib import Path
 
 import pytest
-from tests.unit.sites import SITE, edited
 
 from integrity.limits import derive
 from integrity.triangle import reference_triangle
 from recordings.site_file import parse_site
 from station.check import CheckReport, as_json, check_site, render
+from tests.unit.sites import SITE, edited
 
 
 def checked(folder: Path, *edits: tuple[str, str]) -> CheckReport:
