@@ -31,10 +31,11 @@ class AlignedEpoch:
 
 @dataclass(frozen=True)
 class SilentTick:
-    """A tick at which receivers are silent; none named when all send but share no epoch."""
+    """A tick at which receivers are silent; none named when all send but share no epoch. `last_epoch_ns` is the last aligned one."""
 
     tick: Tick
     receivers: tuple[str, ...]
+    last_epoch_ns: int | None
 
 
 @dataclass(frozen=True)
@@ -132,13 +133,15 @@ class Assembler:
     def _tick(self, tick: Tick) -> list[AlignedEpoch | SilentTick]:
         self._start_listening(tick.mono_ns)
         silent = tuple(r for r in self._receivers if tick.mono_ns - self._heard_ns[r] > self._limits.silence_ns)
-        unaligned = self._aligned_ns is None or tick.mono_ns - self._aligned_ns > self._limits.silence_ns
-        return [SilentTick(tick, silent)] if silent or unaligned else []
+        unaligned = self._aligned_ns is not None and tick.mono_ns - self._aligned_ns > self._limits.silence_ns
+        return [SilentTick(tick, silent, self.last_epoch_ns)] if silent or unaligned else []
 
     def _start_listening(self, mono_ns: int) -> None:
         """A receiver that was never heard is silent from the first event on, not from the beginning of time."""
         for receiver in self._receivers:
             self._heard_ns.setdefault(receiver, mono_ns)
+        if self._aligned_ns is None:
+            self._aligned_ns = mono_ns
 
 
 def nominal_epoch_ns(receive_time_ns: int, interval_ns: int) -> int:

@@ -122,7 +122,7 @@ def without_channels(walked: Walk, satellites: tuple[str, ...], epochs: Bools) -
 def _epoch(
     table: Table, inputs: SatelliteInputs, receivers: tuple[str, ...], satellites: tuple[str, ...], gps_ns: int, limits: Limits
 ) -> tuple[Bools, Table, tuple[Channel, ...]]:
-    out = np.array([s in table for s in satellites])
+    out = np.array([s in table for s in satellites], dtype=np.bool_)
     used = inputs.screened & ~out
     left_out = _failing_channels(inputs, used, receivers, satellites, limits)
     newly = _failing_satellites(inputs, used & ~np.isin(satellites, [c.satellite for c in left_out]), satellites, gps_ns, limits)

@@ -217,7 +217,7 @@ class StationMonitor:
         why = f"silent: {', '.join(silent.receivers)}" if silent.receivers else "the receivers send, but share no epoch"
         verdict = Verdict(State.NOT_CONFIRMABLE, Cause.DATA, silent.receivers, reasons=(why,))
         before, self._health = self._health, after_silence(self._health, verdict)
-        gps_ns, mono_ns = self._assembler.last_epoch_ns, silent.tick.mono_ns
+        gps_ns, mono_ns = silent.last_epoch_ns, silent.tick.mono_ns
         health = self._health_report(gps_ns, mono_ns, verdict.reasons, (), (), tuple(sorted(self._exclusions)))
         return [health, *self._alerts(before, gps_ns, mono_ns, verdict.reasons)]
 

@@ -65,7 +65,7 @@ def advance(
     seen_ns = last_seen(seen, block.epoch_ns, before.last_seen_ns)
     recent = seen_ns[:-1] >= block.epoch_ns[:, None, None] - limits.remember_satellite_ns
     expected = recent & (el_rad >= limits.loss_elevation_rad) & healthy[:, None, :]
-    drop_db, baseline = cn0_drop_db(block.cn0_dbhz, block.epoch_ns, before.cn0_baseline_dbhz, before.epoch_ns)
+    drop_db, baseline = cn0_drop_db(block.cn0_dbhz, recent, block.epoch_ns, before.cn0_baseline_dbhz, before.epoch_ns)
     after = StreamMemory(block.signals, int(block.epoch_ns[-1]), np.array(seen_ns[-1]), np.array(block.pseudorange_m[-1]), baseline)
     repeating = repeating_receivers(block.pseudorange_m, before.pseudorange_m)
     return after, StreamStatistics(repeating, drop_db, lost_share(seen, expected))

@@ -3,7 +3,7 @@
 What does not line up is dropped and counted. The host's monotonic clock of an import is GPS time: nobody recorded another one.
 """
 
-from collections import Counter
+from collections import Counter, deque
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
@@ -110,15 +110,19 @@ def _merged(
     """Navigation before the epoch at or before which it was sent; after each epoch its tick; in a gap one tick when silence is noticed."""
     silence_ns = max(2 * site.epoch_interval_ns, 2 * NS_PER_S)
     events: list[Event] = []
-    waiting = iter(navigation)
-    sent = next(waiting, None)
+    waiting = deque(navigation)
     previous_ns = epochs[0]
+
+    def sent_until(gps_ns: int) -> None:
+        while waiting and waiting[0][0] <= gps_ns:
+            events.append(waiting.popleft()[1])
+
     for epoch_ns in epochs:
         if epoch_ns - previous_ns > silence_ns:
-            events.append(_tick(previous_ns + silence_ns + 1))
-        while sent is not None and sent[0] <= epoch_ns:
-            events.append(sent[1])
-            sent = next(waiting, None)
+            noticed_ns = previous_ns + silence_ns + 1
+            sent_until(noticed_ns)
+            events.append(_tick(noticed_ns))
+        sent_until(epoch_ns)
         events += [ObservationsReceived(epoch_ns, rows[receiver][epoch_ns]) for receiver in site.receiver_names]
         events.append(_tick(epoch_ns))
         previous_ns = epoch_ns

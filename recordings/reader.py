@@ -8,7 +8,7 @@ from typing import BinaryIO
 
 from google.protobuf.message import Message
 from mcap.exceptions import McapError
-from mcap.records import Channel, Chunk, Footer, Header, Metadata, Schema
+from mcap.records import Channel, Chunk, Footer, Header, Metadata, Schema, Statistics
 from mcap.records import Message as McapMessage
 from mcap.stream_reader import StreamReader, breakup_chunk
 from zstandard import ZstdError
@@ -57,6 +57,7 @@ def salvage(path: Path) -> Contents:
     damage: list[str] = []
     skipped = 0
     ended = False
+    promised: int | None = None
     with path.open("rb") as file:
         records = _records(file, path, damage)
         topics = _Topics(path)
@@ -69,9 +70,13 @@ def salvage(path: Path) -> Contents:
                     damage.append(f"a chunk is damaged ({error})")
             elif isinstance(record, Metadata):
                 metadata[record.name] = dict(record.metadata)
+            elif isinstance(record, Statistics):
+                promised = record.message_count
             ended = ended or isinstance(record, Footer)
     if not ended and not damage:
         damage.append("the file ends before its footer")
+    if promised is not None and promised != len(entries) and not damage:
+        damage.append(f"{promised} messages were written, {len(entries)} can be found")
     if not entries:
         raise RecordingError(f"{path}: {'; '.join(damage) or 'no message of Wayside in it'}; nothing to decide")
     return Contents(path, metadata, tuple(entries), "; ".join(dict.fromkeys(damage)), skipped)

@@ -3,7 +3,7 @@
 `decide` is the only way from events to decisions outside a running station: import, injection, simulation and replay all use it.
 """
 
-import re
+import tomllib
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise, zip_longest
@@ -24,6 +24,7 @@ from integrity.station_monitor import Snapshot, StationMonitor
 from recordings.channels import INPUTS
 from recordings.reader import Contents, salvage
 from recordings.site_file import SiteFile, parse_site
+from recordings.toml_file import format_toml
 from recordings.writer import RecordingWriter
 
 DEFAULT_BLOCK_EPOCHS = 1000
@@ -118,8 +119,13 @@ def decide_and_record(
 
 
 def redacted(site_toml: str) -> str:
-    """A site file without the passwords in its sources: recordings are passed on."""
-    return re.sub(r"(ntrip://[^:/@\s\"']+):[^@\s\"']*@", r"\1:***@", site_toml)
+    """A site file without the credentials in its sources: recordings are passed on. The same text where there are none."""
+    document = tomllib.loads(site_toml)
+    receivers = document["receivers"].values()
+    with_credentials = [r for r in receivers if r.get("source", "").startswith("ntrip://") and "@" in r["source"]]
+    for receiver in with_credentials:
+        receiver["source"] = "ntrip://***@" + receiver["source"].rpartition("@")[2]
+    return format_toml(document) if with_credentials else site_toml
 
 
 def window(text_from: str | None, text_to: str | None) -> tuple[int | None, int | None]:

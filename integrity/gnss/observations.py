@@ -11,13 +11,14 @@ from dataclasses import dataclass, fields
 import numpy as np
 from numpy.typing import NDArray
 
-from integrity.gnss.signals import preference
+from integrity.gnss.signals import SYSTEMS, preference
 
 Floats = NDArray[np.float64]
 Bools = NDArray[np.bool_]
 Ints = NDArray[np.int64]
 
 
+BEYOND_MEASURE = 1e12  # of metres, cycles, hertz, seconds: no receiver reports it
 ELEMENTS_PER_SLICE = 12_000  # 96 kB an array
 
 
@@ -97,10 +98,15 @@ class ObservationBlock:
 def build_block(
     receivers: Sequence[str], epoch_ns: Sequence[int], rows: Sequence[Sequence[ObservationRow]], more_signals: Sequence[str] = ()
 ) -> ObservationBlock:
-    """Line up `rows[e][r]` (one per epoch and receiver) in a block; `more_signals` get a column even where no row has them."""
-    signals = tuple(sorted({s for epoch in rows for row in epoch for s in row.signals} | set(more_signals), key=preference))
+    """Line up `rows[e][r]` (one per epoch and receiver) in a block; `more_signals` get a column even where no row has them.
+
+    Signals of other systems than `SYSTEMS` are passed over; what is not finite, or beyond measure, counts as not measured.
+    """
+    seen = {s for epoch in rows for row in epoch for s in row.signals if s[:1] in SYSTEMS}
+    signals = tuple(sorted(seen | set(more_signals), key=preference))
     column_of = {signal: i for i, signal in enumerate(signals)}
-    shape = (len(epoch_ns), len(receivers), len(signals))
+    nowhere = len(signals)
+    shape = (len(epoch_ns), len(receivers), len(signals) + 1)  # a last column for what is passed over
     arrays = {name: np.full(shape, np.nan) for name in ROW_FLOATS} | {name: np.zeros(shape, dtype=bool) for name in ROW_FLAGS}
     receive_time_ns = np.zeros(shape[:2], dtype=np.int64)
     columns_of: dict[tuple[str, ...], Ints] = {}
@@ -108,15 +114,17 @@ def build_block(
         for r, row in enumerate(epoch):
             columns = columns_of.get(row.signals)
             if columns is None:
-                columns = columns_of[row.signals] = np.array([column_of[s] for s in row.signals], dtype=np.int64)
+                columns = columns_of[row.signals] = np.array([column_of.get(s, nowhere) for s in row.signals], dtype=np.int64)
             receive_time_ns[e, r] = row.receive_time_ns
             for name, array in arrays.items():
                 array[e, r, columns] = getattr(row, name)
+    for name in ROW_FLOATS:
+        arrays[name][~(np.abs(arrays[name]) < BEYOND_MEASURE)] = np.nan
     return ObservationBlock(
         receivers=tuple(receivers),
         signals=signals,
         satellites=tuple(s.partition(".")[0] for s in signals),
         epoch_ns=np.array(epoch_ns, dtype=np.int64),
         receive_time_ns=receive_time_ns,
-        **arrays,
+        **{name: array[..., :nowhere].copy() for name, array in arrays.items()},
     )

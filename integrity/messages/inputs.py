@@ -1,6 +1,7 @@
 """Events to messages and back. Decoding checks what the types cannot: lengths, names, finiteness of what must be finite."""
 
 import math
+import re
 from dataclasses import fields
 
 import numpy as np
@@ -14,6 +15,7 @@ from integrity.gnss.ephemeris import Ephemeris
 from integrity.gnss.observations import ObservationRow
 from integrity.messages import wayside_pb2 as pb
 
+SIGNAL = re.compile(r"[A-Z]\d\d\.\d[A-Z]")
 _EPHEMERIS_FIELDS = tuple(f.name for f in fields(Ephemeris))
 
 
@@ -72,7 +74,10 @@ def encode_row(row: ObservationRow, mono_ns: int) -> pb.Observations:
 
 
 def decode_row(message: pb.Observations) -> ObservationRow:
-    """One receiver's row; DecodeError where arrays and signals do not fit each other."""
+    """One receiver's row; DecodeError where arrays and signals do not fit each other, or a signal is no name of one."""
+    for signal in message.signal:
+        if not SIGNAL.fullmatch(signal):
+            raise DecodeError(f"observations of receiver {message.receiver!r}: {signal!r} is no signal; expected a name like G05.1C")
     try:
         return ObservationRow(
             message.receiver,

@@ -1,10 +1,13 @@
 """The whole memory of a monitor to a message and back."""
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from integrity.assembler import AssemblerState
 from integrity.errors import DecodeError
 from integrity.exclusion import Exclusion
+from integrity.gnss.observations import Floats, Ints
 from integrity.health import Health
 from integrity.messages import wayside_pb2 as pb
 from integrity.messages.inputs import (
@@ -71,7 +74,7 @@ def decode_snapshot(message: pb.Snapshot) -> Snapshot:
     streams = StreamMemory(
         tuple(message.signal),
         message.streams_epoch_ns,
-        _rows([s.last_seen_ns for s in message.streams], shape).astype(np.int64),
+        _integers([s.last_seen_ns for s in message.streams], shape),
         _rows([s.pseudorange_m for s in message.streams], shape),
         _rows([s.cn0_baseline_dbhz for s in message.streams], shape),
     )
@@ -99,11 +102,16 @@ def decode_snapshot(message: pb.Snapshot) -> Snapshot:
     )
 
 
-def _rows(rows: list[object], shape: tuple[int, int]) -> np.ndarray:
-    array = np.array([np.array(row) for row in rows]).reshape(len(rows), -1) if rows else np.zeros(shape)
-    if array.shape != shape:
-        raise DecodeError(f"snapshot: stream memory of shape {array.shape}, expected {shape}")
-    return array
+def _rows(rows: Sequence[Sequence[float]], shape: tuple[int, int]) -> Floats:
+    lengths = {len(row) for row in rows}
+    if len(rows) != shape[0] or lengths > {shape[1]}:
+        raise DecodeError(f"snapshot: stream memory of {len(rows)} rows of {sorted(lengths)}, expected {shape[0]} of {shape[1]}")
+    return np.array([list(row) for row in rows], dtype=np.float64).reshape(shape)
+
+
+def _integers(rows: Sequence[Sequence[int]], shape: tuple[int, int]) -> Ints:
+    _rows(rows, shape)
+    return np.array([list(row) for row in rows], dtype=np.int64).reshape(shape)
 
 
 def _exclusion(message: pb.Exclusion) -> Exclusion:

@@ -41,17 +41,19 @@ def lost_share(seen: Bools, expected: Bools) -> Floats:
     return result
 
 
-def cn0_drop_db(cn0_dbhz: Floats, epoch_ns: Ints, baseline_dbhz: Floats, before_ns: int) -> tuple[Floats, Floats]:
+def cn0_drop_db(cn0_dbhz: Floats, recent: Bools, epoch_ns: Ints, baseline_dbhz: Floats, before_ns: int) -> tuple[Floats, Floats]:
     """Mean drop (E, R) of a receiver's C/N0 below its slow baseline, dB, and the baseline (R, S) after the block.
 
-    A signal without a baseline starts one where it is. NaN where a receiver says nothing of C/N0.
+    A signal without a baseline starts one where it is; one that was not seen of late, not `recent` (E, R, S), loses its own. NaN where
+    a receiver says nothing of C/N0.
     """
     drop = np.full(cn0_dbhz.shape[:2], np.nan)
     baseline = np.array(baseline_dbhz)
-    if np.isnan(cn0_dbhz).all():
+    if np.isnan(cn0_dbhz).all() and np.isnan(baseline).all():
         return drop, baseline
     dt_s = np.diff(epoch_ns, prepend=before_ns) / 1e9
     for e, cn0 in enumerate(cn0_dbhz):
+        baseline = np.where(recent[e], baseline, np.nan)
         below = baseline - cn0
         known = np.isfinite(below)
         count = known.sum(axis=-1)

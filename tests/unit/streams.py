@@ -1,6 +1,7 @@
 """Streams for tests: a site of three antennas 120 m apart, and what its receivers would have measured; then ways to spoil it."""
 
 from collections.abc import Callable, Sequence
+from copy import deepcopy
 from dataclasses import replace
 from functools import cache
 from typing import Any
@@ -13,6 +14,7 @@ from integrity.gnss.gps_time import NS_PER_S, parse_utc
 from integrity.gnss.observations import ROW_ARRAYS, ObservationRow
 from integrity.limits import Limits, derive
 from integrity.outputs import Alert, EpochReport, HealthReport, Output
+from integrity.station_monitor import StationMonitor
 from integrity.triangle import reference_triangle
 from recordings.simulate.observations import simulate
 from tests.unit.sites import A_ECEF_M, B_ECEF_M, C_ECEF_M
@@ -45,6 +47,16 @@ LIMITS = limits_of(SITE)
 def stream(seconds: float = 20.0, interval_s: float = 1.0) -> tuple[Event, ...]:
     """A sound stream of `SITE`: ionosphere, ephemerides, then rows of A, B, C and a tick per epoch."""
     return simulate(a_site(interval_s), START_NS, seconds, 1.0 / interval_s, SEED)
+
+
+@cache
+def _new_monitor(site: SiteConfig) -> StationMonitor:
+    return StationMonitor(site)
+
+
+def new_monitor(site: SiteConfig = SITE) -> StationMonitor:
+    """A monitor that has seen nothing; a copy, since deriving its limits takes longer than deciding a stream."""
+    return deepcopy(_new_monitor(site))
 
 
 def rows_changed(events: Sequence[Event], change: Callable[[ObservationRow], ObservationRow | None]) -> tuple[Event, ...]:

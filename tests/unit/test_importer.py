@@ -236,9 +236,7 @@ def test_a_receiver_off_by_the_tolerance_and_a_tenth_of_a_microsecond_is_not(tmp
 
 
 def test_a_receiver_that_is_never_near_an_epoch_is_refused_with_what_each_has(tmp_path: Path) -> None:
-    with pytest.raises(
-        DecodeError, match=r"no epoch is common to all receivers at the site's interval of 1 s: .*B has 20 from .*every 1 s"
-    ):
+    with pytest.raises(DecodeError, match=r"no epoch is common .* at the site's interval of 1 s: .*B has 20 from .*every 1 s"):
         imported(tmp_path, {"B": shifted(ROWS["B"], NS_PER_S // 2)})
 
 
@@ -308,7 +306,7 @@ def test_observations_of_another_year_than_the_navigation_are_refused_with_both_
 
 
 def test_a_file_without_an_epoch_is_refused_by_the_name_of_its_receiver(tmp_path: Path) -> None:
-    with pytest.raises(DecodeError, match="receiver C: no epoch .* C has no epochs"):
+    with pytest.raises(DecodeError, match=r"receiver C: no epoch .* C has no epochs"):
         imported(tmp_path, {"C": []})
 
 

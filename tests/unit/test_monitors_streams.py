@@ -75,10 +75,10 @@ N_SIGNALS = 6
 USUAL = np.full((1, N_SIGNALS), 45.0)  # baseline (R, S)
 
 
-def drops(cn0_dbhz: Floats, baseline: Floats = USUAL) -> tuple[Floats, Floats]:
-    """Drop (E,) of one receiver, C/N0 (E, S), one epoch a second, and its baseline afterwards (S,)."""
+def drops(cn0_dbhz: Floats, baseline: Floats = USUAL, recent: Bools | bool = True) -> tuple[Floats, Floats]:
+    """Drop (E,) of one receiver, C/N0 (E, S), one epoch a second, and its baseline afterwards (S,); all signals seen of late."""
     epoch_ns = NS_PER_S * np.arange(1, len(cn0_dbhz) + 1)
-    drop, after = cn0_drop_db(cn0_dbhz[:, None, :], epoch_ns, baseline, 0)
+    drop, after = cn0_drop_db(cn0_dbhz[:, None, :], np.broadcast_to(recent, cn0_dbhz[:, None, :].shape), epoch_ns, baseline, 0)
     return drop[:, 0], after[0]
 
 
@@ -123,6 +123,11 @@ def test_a_signal_not_seen_keeps_its_baseline() -> None:
     assert after[0] == 45.0
 
 
+def test_a_signal_not_seen_of_late_begins_where_it_is() -> None:
+    drop, after = drops(np.full((1, N_SIGNALS), 30.0), recent=False)
+    assert (drop[0], after.tolist()) == (0.0, [30.0] * N_SIGNALS)
+
+
 def test_without_cn0_there_is_no_drop() -> None:
     assert np.isnan(drops(np.full((3, N_SIGNALS), NAN))[0]).all()
 
@@ -136,9 +141,10 @@ def test_an_epoch_without_cn0_says_nothing_of_itself() -> None:
 def test_cutting_a_stream_changes_no_drop() -> None:
     cn0 = 45.0 + np.random.default_rng(1).normal(0.0, 3.0, (40, 2, N_SIGNALS))
     epoch_ns, start = NS_PER_S * np.arange(1, 41), np.full((2, N_SIGNALS), NAN)
-    whole, _ = cn0_drop_db(cn0, epoch_ns, start, 0)
-    first, between = cn0_drop_db(cn0[:17], epoch_ns[:17], start, 0)
-    second, _ = cn0_drop_db(cn0[17:], epoch_ns[17:], between, int(epoch_ns[16]))
+    recent = np.arange(40)[:, None, None] % 11 != 5 * np.ones((1, 2, N_SIGNALS), dtype=np.int64)
+    whole, _ = cn0_drop_db(cn0, recent, epoch_ns, start, 0)
+    first, between = cn0_drop_db(cn0[:17], recent[:17], epoch_ns[:17], start, 0)
+    second, _ = cn0_drop_db(cn0[17:], recent[17:], epoch_ns[17:], between, int(epoch_ns[16]))
     assert np.concatenate((first, second)).tolist() == whole.tolist()
 
 
