@@ -16,7 +16,8 @@ class EpochReport:
     """The record of why. `state, cause, subjects` are what is published after this epoch; `verdict` is of this epoch alone;
     `exclusions` are the satellites that are out, `channels` what was left out of this epoch without blame.
 
-    Per receiver: `e_enu_m` (R, 3), solved minus surveyed, NaN where unsolved; `satellites_used` (R,). Per check: `statistic`,
+    Per receiver: `e_enu_m` (R, 3), solved minus surveyed, NaN where unsolved, and why, `unsolved` (R,); `satellites_used` (R,).
+    Per check: `statistic`,
     `threshold`, `outcome` (C,). Per signal: `used` (S,), `residual_sigmas` (S,), `b_m` (R, S).
     """
 
@@ -31,6 +32,7 @@ class EpochReport:
     channels: tuple[Channel, ...]
     receivers: tuple[str, ...]
     e_enu_m: Floats
+    unsolved: NDArray[np.int64]
     satellites_used: Ints
     check_names: tuple[str, ...]
     statistic: Floats

@@ -168,6 +168,7 @@ class StationMonitor:
             channels=decided.walked.channels[e],
             receivers=self.site.receiver_names,
             e_enu_m=full.solution.e_enu_m[e],
+            unsolved=full.solution.why[e],
             satellites_used=full.solution.n_used[e],
             check_names=full.checks.names,
             statistic=full.checks.statistic[e],

@@ -8,6 +8,7 @@ from google.protobuf.message import Message
 from integrity.config import SiteConfig
 from integrity.exclusion import Exclusion
 from integrity.gnss.gps_time import utc_from_gps
+from integrity.gnss.positioning import Unsolved
 from integrity.messages import wayside_pb2 as pb
 from integrity.outputs import Alert, EpochReport, HealthReport, Output
 from integrity.states import Cause, Outcome, State
@@ -79,9 +80,12 @@ def encode_report(report: EpochReport) -> pb.EpochReport:
             pb.Channel(receiver=c.receiver, satellite=c.satellite, statistic=c.statistic, threshold=c.threshold) for c in report.channels
         ],
     )
-    for name, e_enu_m, satellites in zip(report.receivers, report.e_enu_m.tolist(), report.satellites_used.tolist(), strict=True):
+    for name, e_enu_m, satellites, why in zip(
+        report.receivers, report.e_enu_m.tolist(), report.satellites_used.tolist(), report.unsolved.tolist(), strict=True
+    ):
         east_m, north_m, up_m = (_number(v) for v in e_enu_m)
-        message.triangle.add(receiver=name, east_m=east_m, north_m=north_m, up_m=up_m, satellites=satellites)
+        vertex = message.triangle.add(receiver=name, east_m=east_m, north_m=north_m, up_m=up_m, satellites=satellites)
+        vertex.unsolved = getattr(pb, Unsolved(why).name)
     for name, statistic, threshold, outcome in zip(
         report.check_names, report.statistic.tolist(), report.threshold.tolist(), report.outcome.tolist(), strict=True
     ):

@@ -10,6 +10,7 @@ CLOCK: Cause
 CONSTELLATION: Cause
 DATA: Cause
 DESCRIPTOR: _descriptor.FileDescriptor
+DIVERGED: Unsolved
 FAIL: Outcome
 JAMMING: Cause
 MAINTENANCE: Cause
@@ -19,12 +20,15 @@ NOT_MONITORED: Outcome
 NOT_READY: Cause
 OUTCOME_UNSPECIFIED: Outcome
 PASS: Outcome
+POOR_GEOMETRY: Unsolved
 RECEIVER: Cause
 SATELLITE: Cause
 SATELLITE_ANOMALY: State
 SELF_TEST: Cause
+SOLVED: Unsolved
 SPOOFING: Cause
 STATE_UNSPECIFIED: State
+TOO_FEW_SATELLITES: Unsolved
 UNKNOWN: Outcome
 
 class Alert(_message.Message):
@@ -380,18 +384,20 @@ class Tick(_message.Message):
     def __init__(self, mono_ns: _Optional[int] = ..., utc_ns: _Optional[int] = ..., utc_uncertainty_ns: _Optional[int] = ...) -> None: ...
 
 class Vertex(_message.Message):
-    __slots__ = ["east_m", "north_m", "receiver", "satellites", "up_m"]
+    __slots__ = ["east_m", "north_m", "receiver", "satellites", "unsolved", "up_m"]
     EAST_M_FIELD_NUMBER: _ClassVar[int]
     NORTH_M_FIELD_NUMBER: _ClassVar[int]
     RECEIVER_FIELD_NUMBER: _ClassVar[int]
     SATELLITES_FIELD_NUMBER: _ClassVar[int]
+    UNSOLVED_FIELD_NUMBER: _ClassVar[int]
     UP_M_FIELD_NUMBER: _ClassVar[int]
     east_m: float
     north_m: float
     receiver: str
     satellites: int
+    unsolved: Unsolved
     up_m: float
-    def __init__(self, receiver: _Optional[str] = ..., east_m: _Optional[float] = ..., north_m: _Optional[float] = ..., up_m: _Optional[float] = ..., satellites: _Optional[int] = ...) -> None: ...
+    def __init__(self, receiver: _Optional[str] = ..., east_m: _Optional[float] = ..., north_m: _Optional[float] = ..., up_m: _Optional[float] = ..., satellites: _Optional[int] = ..., unsolved: _Optional[_Union[Unsolved, str]] = ...) -> None: ...
 
 class State(int, metaclass=_enum_type_wrapper.EnumTypeWrapper):
     __slots__ = []
@@ -400,4 +406,7 @@ class Cause(int, metaclass=_enum_type_wrapper.EnumTypeWrapper):
     __slots__ = []
 
 class Outcome(int, metaclass=_enum_type_wrapper.EnumTypeWrapper):
+    __slots__ = []
+
+class Unsolved(int, metaclass=_enum_type_wrapper.EnumTypeWrapper):
     __slots__ = []

@@ -30,7 +30,7 @@ MASK_DEG = 10.0
 REPEATS = 30
 
 
-def ours(observations: Path, navigation: Path) -> dict[str, Any]:
+def ours(observations: Path, navigation: Path, repeats: int) -> dict[str, Any]:
     """Best time of a block solve, microseconds per epoch, and errors against the truth."""
     rows = read_observations(observations, "A").rows
     nav = read_navigation(navigation)
@@ -51,7 +51,7 @@ def ours(observations: Path, navigation: Path) -> dict[str, Any]:
         return solution.e_enu_m[:, 0], residual_m, used[:, 0] & np.isfinite(block.pseudorange_m[:, 0])
 
     best_s = np.inf
-    for _ in range(REPEATS):
+    for _ in range(repeats):
         began = time.perf_counter()
         e_enu_m, _residual_m, used = solve_block()
         best_s = min(best_s, time.perf_counter() - began)
@@ -65,23 +65,26 @@ def ours(observations: Path, navigation: Path) -> dict[str, Any]:
     }
 
 
-def peer(observations: Path, navigation: Path, *options: str) -> dict[str, Any]:
+def peer(observations: Path, navigation: Path, repeats: int, *options: str) -> dict[str, Any]:
     """What `tests.benchmarks.rtklib_peer` prints."""
     command = [sys.executable, "-m", "tests.benchmarks.rtklib_peer", str(observations), str(navigation)]
-    command += [*(f"{x}" for x in TRUTH_ECEF_M), "--systems", "GE", "--mask-deg", str(MASK_DEG), "--repeats", str(REPEATS), *options]
+    command += [*(f"{x}" for x in TRUTH_ECEF_M), "--systems", "GE", "--mask-deg", str(MASK_DEG), "--repeats", str(repeats), *options]
     done = subprocess.run(command, check=True, capture_output=True, text=True)
     result: dict[str, Any] = json.loads(done.stdout)
     return result
 
 
-def run() -> dict[str, Any]:
+def run(repeats: int = REPEATS) -> dict[str, Any]:
     """One comparison; needs the data set and pyrtklib5."""
     with tempfile.TemporaryDirectory() as folder:
         observations, navigation = Path(folder) / "SEPT078M.21O", Path(folder) / "SEPT078M.21P"
         observations.write_bytes(gzip.decompress((DATA / "SEPT078M.21O.gz").read_bytes()))
         navigation.write_bytes(gzip.decompress((DATA / "SEPT078M.21P.gz").read_bytes()))
-        peers = {"as_it_comes": peer(observations, navigation), "inav_only": peer(observations, navigation, "--inav-only")}
-        mine = ours(observations, navigation)
+        peers = {
+            "as_it_comes": peer(observations, navigation, repeats),
+            "inav_only": peer(observations, navigation, repeats, "--inav-only"),
+        }
+        mine = ours(observations, navigation, repeats)
     peer_us = min(p["us_per_epoch"] for p in peers.values())
     same = np.mean([a == sorted(b) for a, b in zip(mine["satellites"], peers["inav_only"]["satellites"], strict=True)])
     return {

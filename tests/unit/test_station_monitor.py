@@ -10,7 +10,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from integrity.config import SiteConfig
-from integrity.events import EphemerisReceived, Event, ObservationsReceived, Tick
+from integrity.events import EphemerisReceived, Event, IonosphereReceived, ObservationsReceived, Tick
+from integrity.gnss.atmosphere import Klobuchar
 from integrity.gnss.gps_time import NS_PER_S
 from integrity.gnss.observations import ROW_FLAGS, ROW_FLOATS, ObservationRow
 from integrity.outputs import Output
@@ -437,6 +438,23 @@ def test_an_infinite_cn0_does_not_blind_the_monitor_for_good(value: float) -> No
         return with_more(row, "cn0_dbhz", -9.0) if epoch_of(row) >= FAULT_S else row
 
     assert first_fault(decided(rows_changed(stream(SECONDS), change)))[:3] == (FAULT_S, State.SATELLITE_ANOMALY, Cause.JAMMING)
+
+
+@pytest.mark.parametrize("from_s", [0, FAULT_S])
+@pytest.mark.parametrize("receivers", ["A", "ABC"])
+def test_an_epoch_without_any_signal_is_no_data(receivers: str, from_s: int) -> None:
+    def change(row: ObservationRow) -> ObservationRow:
+        return with_signals(row, lambda signal: False) if row.receiver in receivers and epoch_of(row) >= from_s else row
+
+    last = health(decided(rows_changed(stream(SECONDS), change)))[-1]
+    assert (last.state, last.cause) == (State.NOT_CONFIRMABLE, Cause.DATA)
+
+
+@pytest.mark.parametrize("value", [1e300, -1e300, 1e-300])
+def test_an_ionosphere_beyond_measure_is_no_exception(value: float) -> None:
+    broken = IonosphereReceived(START_NS, Klobuchar((value,) * 4, (value,) * 4))
+    events = [broken if isinstance(e, IonosphereReceived) else e for e in stream(SECONDS)]
+    assert len(reports(decided(events))) == SECONDS
 
 
 def test_an_infinite_range_of_a_satellite_leaves_the_others() -> None:

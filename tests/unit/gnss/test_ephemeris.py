@@ -141,6 +141,16 @@ def test_implausible_sets_are_refused(change: dict[str, Any], why: str) -> None:
     assert why in (replace(GPS, **change).implausibility() or "")
 
 
+@pytest.mark.parametrize("value", [1e300, -1e300])
+@pytest.mark.parametrize(
+    "name",
+    ["crs", "crc", "cuc", "cus", "cic", "cis", "delta_n", "i_dot", "omega_dot", "af1", "af2", "accuracy_m", "i0", "omega0", "omega", "m0"],
+)
+def test_a_parameter_beyond_its_field_is_implausible(name: str, value: float) -> None:
+    change: dict[str, Any] = {name: value}
+    assert replace(GPS, **change).implausibility() is not None
+
+
 @pytest.mark.parametrize("fit_half_s", [1e10, 1e300])
 def test_a_fit_interval_of_years_is_implausible(fit_half_s: float) -> None:
     assert replace(GPS, fit_half_s=fit_half_s).implausibility() is not None
