@@ -180,7 +180,7 @@ def _failing_satellites(
     failing: dict[str, Exclusion] = {}
     for _ in range(limits.max_exclusions_per_epoch):
         statistic, b = inputs.statistics(used)
-        if worst(statistic, used)[0] <= limits["residual"]:
+        if not used.any() or worst(statistic, used)[0] <= limits["residual"]:
             return failing
         suspect = int(np.argmax(np.where(used[0] & np.isfinite(statistic[0]), statistic[0], -np.inf)))
         blamable = (

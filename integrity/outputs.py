@@ -17,8 +17,7 @@ class EpochReport:
     `exclusions` are the satellites that are out, `channels` what was left out of this epoch without blame.
 
     Per receiver: `e_enu_m` (R, 3), solved minus surveyed, NaN where unsolved, and why, `unsolved` (R,); `satellites_used` (R,).
-    Per check: `statistic`,
-    `threshold`, `outcome` (C,). Per signal: `used` (S,), `residual_sigmas` (S,), `b_m` (R, S).
+    Per check: `statistic`, `threshold`, `outcome` (C,). Per signal: `used` (S,), `residual_sigmas` (S,), `b_m` (R, S).
     """
 
     gps_time_ns: int

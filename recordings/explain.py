@@ -71,7 +71,7 @@ def _why(episode: dict[str, object]) -> str:
     return f"{WORDS[cause]}{who}; {episode['check']} {episode['statistic']:.4g} > {episode['threshold']:.4g}"
 
 
-def _clock(utc: str) -> str:
+def _clock(utc: str | None) -> str:
     return utc[11:].removesuffix("Z").ljust(8) if utc else "--:--:--"
 
 

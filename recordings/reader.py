@@ -95,7 +95,10 @@ def _records(file: BinaryIO, path: Path, damage: list[str]) -> Iterator[object]:
         raise
     except Exception as error:  # the MCAP library raises its own errors, struct.error, EOFError, codec errors: all mean the same here
         if file.tell() <= 64:
-            raise RecordingError(f"{path}: not an MCAP recording ({error or type(error).__name__})") from None
+            raise RecordingError(
+                f"{path}: not an MCAP recording ({error or type(error).__name__}); give a file that `wayside import`, `wayside simulate` "
+                "or a station wrote"
+            ) from None
         damage.append(f"cut or damaged at byte {file.tell()} ({type(error).__name__})")
 
 
@@ -127,5 +130,5 @@ class _Topics:
         if known is None or channel.message_encoding != ENCODING or schema != known.DESCRIPTOR.full_name:
             raise RecordingError(
                 f"{self._path}: topic {channel.topic} holds {schema} ({channel.message_encoding}), which this version does not know; "
-                "it was recorded by a newer Wayside or another program"
+                "read it with the program that wrote it, a newer Wayside or another one"
             )

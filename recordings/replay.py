@@ -124,7 +124,9 @@ def redacted(site_toml: str) -> str:
     receivers = document["receivers"].values()
     with_credentials = [r for r in receivers if r.get("source", "").startswith("ntrip://") and "@" in r["source"]]
     for receiver in with_credentials:
-        receiver["source"] = "ntrip://***@" + receiver["source"].rpartition("@")[2]
+        credentials, _, address = receiver["source"].removeprefix("ntrip://").rpartition("@")
+        user, colon, _password = credentials.partition(":")
+        receiver["source"] = f"ntrip://{user + colon if colon else ''}***@{address}"
     return format_toml(document) if with_credentials else site_toml
 
 

@@ -207,10 +207,10 @@ def _csv_rows(reports: Sequence[EpochReport]) -> Iterator[list[object]]:
         ]
 
 
-def _utc_of(health: HealthReport, report: EpochReport | None) -> str:
-    """Time of a publication: of its epoch, or, for a heartbeat, of the epoch before plus the silence since."""
+def _utc_of(health: HealthReport, report: EpochReport | None) -> str | None:
+    """Time of a publication: of its epoch, or, for a heartbeat, of the epoch before plus the silence since; None before the first."""
     if health.gps_time_ns is None:
-        return ""
+        return None
     silence_ns = 0 if report is None else health.mono_ns - report.mono_ns
     return format_utc(health.gps_time_ns + silence_ns)
 

@@ -34,6 +34,7 @@ class RecordingWriter:
             index_types=IndexType.ATTACHMENT | IndexType.CHUNK | IndexType.METADATA,
             use_statistics=True,
             enable_crcs=True,
+            enable_data_crcs=True,
         )
         self._writer.start(profile=PROFILE, library=software)
         schema = schema_bytes()

@@ -5,8 +5,8 @@
 
 from bisect import bisect_left, bisect_right
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, fields
-from math import cos, sin, sqrt
+from dataclasses import dataclass
+from math import cos, isfinite, sin, sqrt
 from typing import NamedTuple
 
 import numpy as np
@@ -62,21 +62,36 @@ class Ephemeris:
     group_delay_s: float
 
     def implausibility(self) -> str | None:
-        """Why this set cannot be an orbit of GPS or Galileo, or None. Limits: the ranges of IS-GPS-200 table 20-III, narrowed."""
-        numbers = [v for f in fields(self) if isinstance(v := getattr(self, f.name), float)]
-        if not np.isfinite(numbers).all():
+        """Why this set cannot be an orbit and a clock of GPS or Galileo, or None; see `PLAUSIBLE`."""
+        if not all(isfinite(getattr(self, name)) for name in PLAUSIBLE) or not isfinite(self.accuracy_m or 0.0):
             return "a parameter is not a number"
-        if not 5000.0 < self.sqrt_a < 5600.0:
-            return f"sqrt(A) = {self.sqrt_a:.1f} sqrt(m), expected 5000 to 5600"
-        if not 0.0 <= self.e < 0.1:
-            return f"eccentricity {self.e:.4f}, expected 0 to 0.1"
-        if not 0.0 < self.fit_half_s <= 86_400.0:
-            return f"usable for {self.fit_half_s:.3g} s on either side of its reference time, expected up to a day"
+        for name, (low, high) in PLAUSIBLE.items():
+            if not low <= getattr(self, name) <= high:
+                return f"{name} = {getattr(self, name):.6g}, expected {low:g} to {high:g}"
+        if self.accuracy_m is not None and not 0.0 <= self.accuracy_m <= 6144.0:
+            return f"accuracy_m = {self.accuracy_m:.6g}, expected 0 to 6144"
         if abs(self.toc_ns - self.toe_ns) > 86_400 * NS_PER_S:
             return "clock and orbit reference times are more than a day apart"
-        if abs(self.af0) > 0.1 or abs(self.group_delay_s) > 1e-6:
-            return f"clock offset {self.af0:.3g} s or group delay {self.group_delay_s:.3g} s out of range"
         return None
+
+
+# What the words of IS-GPS-200 table 20-III and Galileo OS SIS ICD table 68 can hold (radians, with a margin), where no narrower range
+# is sure: a semi-major axis between 25,000 and 31,360 km, an eccentricity that the solution of Kepler's equation is made for.
+PLAUSIBLE: dict[str, tuple[float, float]] = {
+    "sqrt_a": (5000.0, 5600.0),
+    "e": (0.0, 0.1),
+    "fit_half_s": (1.0, 86_400.0),
+    **dict.fromkeys(("i0", "omega0", "omega", "m0"), (-6.3, 6.3)),
+    "delta_n": (-2e-8, 2e-8),
+    "i_dot": (-1e-8, 1e-8),
+    "omega_dot": (-1e-6, 1e-6),
+    **dict.fromkeys(("cuc", "cus", "cic", "cis"), (-1e-4, 1e-4)),
+    **dict.fromkeys(("crc", "crs"), (-2100.0, 2100.0)),
+    "af0": (-0.1, 0.1),
+    "af1": (-1e-7, 1e-7),
+    "af2": (-1e-12, 1e-12),
+    "group_delay_s": (-1e-6, 1e-6),
+}
 
 
 class Parameters(NamedTuple):

@@ -104,7 +104,7 @@ def decode_snapshot(message: pb.Snapshot) -> Snapshot:
 
 def _rows(rows: Sequence[Sequence[float]], shape: tuple[int, int]) -> Floats:
     lengths = {len(row) for row in rows}
-    if len(rows) != shape[0] or lengths > {shape[1]}:
+    if len(rows) != shape[0] or lengths - {shape[1]}:
         raise DecodeError(f"snapshot: stream memory of {len(rows)} rows of {sorted(lengths)}, expected {shape[0]} of {shape[1]}")
     return np.array([list(row) for row in rows], dtype=np.float64).reshape(shape)
 

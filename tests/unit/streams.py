@@ -9,9 +9,11 @@ from typing import Any
 import numpy as np
 
 from integrity.config import IntegrityConfig, ReceiverConfig, SiteConfig
-from integrity.events import Event, ObservationsReceived, Tick
+from integrity.events import EphemerisReceived, Event, ObservationsReceived, Tick
+from integrity.gnss.ephemeris import EphemerisStore, satellite_states
 from integrity.gnss.gps_time import NS_PER_S, parse_utc
 from integrity.gnss.observations import ROW_ARRAYS, ObservationRow
+from integrity.gnss.positioning import state_time_ns
 from integrity.limits import Limits, derive
 from integrity.outputs import Alert, EpochReport, HealthReport, Output
 from integrity.station_monitor import StationMonitor
@@ -82,6 +84,25 @@ def with_more(row: ObservationRow, name: str, more: float, columns: Sequence[int
     """The row with something added to one of its arrays."""
     changed: dict[str, Any] = {name: np.array(getattr(row, name))}
     changed[name][columns] += more
+    return replace(row, **changed)
+
+
+@cache
+def _cosines(azimuth_rad: float) -> dict[str, float]:
+    """Of the angle between a horizontal direction and each signal, at A in the first epoch: good for minutes and kilometres."""
+    sets = [e.ephemeris for e in stream() if isinstance(e, EphemerisReceived)]
+    satellites = sorted({eph.satellite for eph in sets})
+    epoch_ns = np.array([START_NS])
+    index = EphemerisStore(sets).choose(satellites, epoch_ns, np.array([len(sets)]))
+    los = satellite_states(sets, index, state_time_ns(epoch_ns)).pos_ecef_m[:, 0] - TRIANGLE.pos_ecef_m[0][:, None]
+    east, north, _ = TRIANGLE.enu[0] @ (los / np.linalg.norm(los, axis=0))
+    return dict(zip((f"{s}.1C" for s in satellites), (np.sin(azimuth_rad) * east + np.cos(azimuth_rad) * north).tolist(), strict=True))
+
+
+def moved(row: ObservationRow, size_m: float, azimuth_rad: float) -> ObservationRow:
+    """The row with its ranges as if the antenna stood elsewhere."""
+    cosine = np.array([_cosines(azimuth_rad).get(s, 0.0) for s in row.signals])
+    changed: dict[str, Any] = {"pseudorange_m": row.pseudorange_m - size_m * cosine}
     return replace(row, **changed)
 
 

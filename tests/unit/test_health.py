@@ -117,6 +117,12 @@ def test_one_clean_epoch_is_not_enough_however_long_after() -> None:
     assert states(after([CLEAN] * 2, interval_s=3600.0)) == [State.NOT_CONFIRMABLE, State.NORMAL]
 
 
+def test_a_first_clean_epoch_is_not_enough_where_no_time_is_asked_for() -> None:
+    at_once = replace(LIMITS, recover_after_ns=0)
+    first = after_epoch(Health(), CLEAN, 0, at_once)
+    assert states([first, after_epoch(first, CLEAN, NS_PER_S, at_once)]) == [State.NOT_CONFIRMABLE, State.NORMAL]
+
+
 def test_a_failure_starts_the_time_again() -> None:
     assert states(after([CLEAN] * 20 + BAD[:1] + [CLEAN] * 40)).index(State.NORMAL) == 21 + 30
 

@@ -40,8 +40,9 @@ signals = st.lists(st.sampled_from([f"{s}{n:02d}.{c}" for s in "GE" for n in ran
 def rows(draw: st.DrawFn) -> ObservationRow:
     names = draw(signals)
     floats = [np.array(draw(st.lists(numbers, min_size=len(names), max_size=len(names))), dtype=np.float64) for _ in range(5)]
-    flags = [np.array(draw(st.lists(st.booleans(), min_size=len(names), max_size=len(names))), dtype=np.bool_) for _ in range(2)]
-    return ObservationRow(draw(st.text(max_size=5)), draw(int64s), tuple(names), *floats, *flags)
+    slip, half_cycle = (np.array(draw(st.lists(st.booleans(), min_size=len(names), max_size=len(names))), dtype=np.bool_) for _ in range(2))
+    rho, carrier, doppler, cn0, lock = floats
+    return ObservationRow(draw(st.text(max_size=5)), draw(int64s), tuple(names), rho, carrier, doppler, cn0, lock, slip, half_cycle)
 
 
 ephemerides = st.builds(
@@ -204,7 +205,7 @@ def test_a_snapshot_whose_parts_do_not_fit_is_refused(change: str) -> None:
 # ---- broken bytes
 
 
-ENCODED = [
+ENCODED: list[tuple[type[Message], bytes]] = [
     *((type(m), m.SerializeToString()) for m in (encode_event(stream(3)[k]) for k in (0, 1, -2, -1))),
     (pb.Snapshot, encoded(some_snapshots()[1]).SerializeToString()),
     (pb.Snapshot, encoded(some_snapshots()[3]).SerializeToString()),

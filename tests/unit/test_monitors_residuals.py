@@ -29,7 +29,7 @@ def residuals(prefit_m: Floats, used: Bools = EVERY) -> KnownPointResiduals:
 
 def with_clocks(errors_m: Floats) -> Floats:
     """Prefit residuals (E, 3, S) of errors behind receiver clocks."""
-    return errors_m + CLOCKS[:, SYSTEM_OF]
+    return np.asarray(errors_m + CLOCKS[:, SYSTEM_OF])
 
 
 QUIET = with_clocks(np.zeros((1, 3, N)))

@@ -54,7 +54,7 @@ def named(e_enu_m: Floats) -> Bools:
 def fault_free(seed: int, n: int) -> Floats:
     """Displacements (n, 3, 3) of the error model."""
     rng = np.random.default_rng(seed)
-    return rng.standard_normal((n, 1, 3)) * SIGMA_C + rng.standard_normal((n, 3, 3)) * SIGMA_D
+    return np.asarray(rng.standard_normal((n, 1, 3)) * SIGMA_C + rng.standard_normal((n, 3, 3)) * SIGMA_D)
 
 
 def biased(e_enu_m: Floats, bias_m: Floats, *receivers: int) -> Floats:
@@ -184,7 +184,7 @@ def test_order_of_receivers_leaves_the_shape(order: list[int]) -> None:
 def collapsed_onto(point_enu_m: Floats) -> Floats:
     """Displacements (1, 3, 3) that put every receiver at one point, given from the centroid in the axes of the first receiver."""
     ecef_m = TRIANGLE.pos_ecef_m.mean(axis=0) + point_enu_m @ TRIANGLE.enu[0]
-    return (TRIANGLE.enu @ (ecef_m - TRIANGLE.pos_ecef_m)[..., None])[None, ..., 0]
+    return np.asarray((TRIANGLE.enu @ (ecef_m - TRIANGLE.pos_ecef_m)[..., None])[None, ..., 0])
 
 
 @pytest.mark.parametrize("point_enu_m", [(0.0, 0.0, 0.0), (60.0, 35.0, 0.0), (-2e3, 3e3, 100.0)])
@@ -281,7 +281,7 @@ def test_no_sound_receiver_is_named_for_another_ones_fault(size_m: float) -> Non
 # The notes say 1e-4; the largest rate, at 3.75 m, is 1.14e-4 (341 of 3,000,000). Below 3e-5 outside 2.5 to 6 m.
 @pytest.mark.parametrize(
     ("size_m", "n", "bound"),
-    [*((s, 60_000, 1e-4) for s in (0.0, 1.0, 8.0, 10.0, 15.0, 20.0)), *((s, 400_000, 1.5e-4) for s in (2.0, 3.0, 3.75, 4.5, 6.0))],
+    [*((s, 60_000, 1e-4) for s in (0.0, 1.0, 8.0, 10.0, 15.0, 20.0)), *((s, 300_000, 1.5e-4) for s in (2.0, 3.0, 3.75, 4.5, 6.0))],
 )
 def test_the_sound_receiver_is_not_named_where_two_fail_alike(size_m: float, n: int, bound: float) -> None:
     wrong = int(named(biased(fault_free(14, n), np.array([size_m, 0.0, 0.0]), 1, 2))[:, 0].sum())

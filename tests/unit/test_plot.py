@@ -63,6 +63,7 @@ def calm(second: int) -> EpochReport:
         channels=(),
         receivers=("A", "B", "C"),
         e_enu_m=E_OF_A_CALM_EPOCH_M * (1.0 + 0.3 * math.sin(second)),
+        unsolved=np.zeros(3, dtype=np.int64),
         satellites_used=np.array([9, 9, 9]),
         check_names=CHECK_NAMES,
         statistic=0.3 * THRESHOLD,

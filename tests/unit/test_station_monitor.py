@@ -26,6 +26,7 @@ from tests.unit.streams import (
     alerts,
     epoch_of,
     health,
+    moved,
     new_monitor,
     reports,
     rows_changed,
@@ -169,6 +170,42 @@ def test_a_receiver_fault_is_seen_in_its_first_epoch(receiver: str) -> None:
         return with_more(row, "pseudorange_m", 40.0, half_the_sky(row)) if faulty else row
 
     assert first_fault(decided(rows_changed(stream(SECONDS), change)))[:2] == (FAULT_S, State.NOT_CONFIRMABLE)
+
+
+@pytest.mark.parametrize("azimuth", [0.0, 2.0, 4.0])
+@pytest.mark.parametrize("receiver", "ABC")
+def test_a_moved_antenna_is_named_in_its_first_epoch(receiver: str, azimuth: float) -> None:
+    def change(row: ObservationRow) -> ObservationRow:
+        return moved(row, 8.0, azimuth) if row.receiver == receiver and epoch_of(row) >= FAULT_S else row
+
+    assert first_fault(decided(rows_changed(stream(SECONDS), change))) == (FAULT_S, State.NOT_CONFIRMABLE, Cause.RECEIVER, (receiver,))
+
+
+def test_two_antennas_moved_alike_name_nobody() -> None:
+    def change(row: ObservationRow) -> ObservationRow:
+        return moved(row, 8.0, 1.0) if row.receiver in "AB" and epoch_of(row) >= FAULT_S else row
+
+    assert first_fault(decided(rows_changed(stream(SECONDS), change)))[2:] == (Cause.AMBIGUOUS, ())
+
+
+@pytest.mark.parametrize(
+    ("name", "value", "used"),
+    [("cn0_dbhz", 24.9, False), ("cn0_dbhz", 25.0, True), ("pseudorange_m", 9.9e6, False), ("pseudorange_m", 1.1e8, False)],
+)
+def test_a_weak_or_absurd_signal_at_one_receiver_is_not_used(name: str, value: float, used: bool) -> None:
+    satellite = used_satellites()[0]
+
+    def change(row: ObservationRow) -> ObservationRow:
+        columns = [i for i, s in enumerate(row.signals) if s.startswith(satellite)]
+        return with_values(row, name, value, columns) if row.receiver == "B" and epoch_of(row) == SECONDS - 1 else row
+
+    monitored = health(decided(rows_changed(stream(SECONDS), change)))[-1].monitored
+    assert any(s.startswith(satellite) for s in monitored) == used
+
+
+def test_a_satellite_below_the_mask_is_not_used() -> None:
+    outputs = decided(stream(SECONDS), named(SITE, elevation_mask_deg=30.0))
+    assert set(health(outputs)[-1].monitored) < set(health(SOUND)[-1].monitored)
 
 
 @pytest.mark.parametrize("receiver", "ABC")
@@ -368,6 +405,29 @@ def test_a_new_monitor_goes_on_from_the_snapshot_of_the_old_one(at: list[int]) -
         outputs += monitor.feed(eventful()[start:end])
         monitor = StationMonitor(SITE, monitor.snapshot())
     assert published(outputs) == published(decided(eventful()))
+
+
+def test_a_new_monitor_knows_what_was_measured_before() -> None:
+    # B freezes right after the snapshot: its first repeated ranges show against the memory only.
+    events = frozen(stream(SECONDS), "B")
+    cut = 1 + max(i for i, e in enumerate(events) if isinstance(e, ObservationsReceived) and epoch_of(e.row) < FAULT_S)
+    monitor = new_monitor()
+    monitor.feed(events[:cut])
+    again = reports(StationMonitor(SITE, monitor.snapshot()).feed(events[cut:]))
+    assert (again[0].verdict.check, again[0].verdict.subjects) == ("repeat", ("B",))
+
+
+def test_a_new_monitor_knows_where_the_receivers_were_before() -> None:
+    # A jump of 4.6 m: enough to suspect B (t_j 56 against 41), not enough to name it without what was before (ln 1000 at 4.8 m).
+    def change(row: ObservationRow) -> ObservationRow:
+        return moved(row, 4.6, 1.0) if row.receiver == "B" and epoch_of(row) >= FAULT_S else row
+
+    events = rows_changed(stream(SECONDS), change)
+    cut = 1 + max(i for i, e in enumerate(events) if isinstance(e, ObservationsReceived) and epoch_of(e.row) < FAULT_S)
+    monitor = new_monitor()
+    monitor.feed(events[:cut])
+    again = reports(StationMonitor(SITE, monitor.snapshot()).feed(events[cut:]))
+    assert (again[0].verdict.cause, again[0].verdict.subjects) == (Cause.RECEIVER, ("B",))
 
 
 def test_a_satellite_long_out_of_view_is_forgotten_however_the_stream_is_cut() -> None:

@@ -127,27 +127,26 @@ def test_what_is_not_a_number_is_implausible(name: str, value: float) -> None:
 @pytest.mark.parametrize(
     ("change", "why"),
     [
-        ({"sqrt_a": 2600.0}, "sqrt"),
-        ({"sqrt_a": 6493.0}, "sqrt"),
-        ({"sqrt_a": 0.0}, "sqrt"),
-        ({"e": 0.5}, "eccentricity"),
-        ({"e": -0.01}, "eccentricity"),
+        ({"sqrt_a": 2600.0}, "sqrt_a = "),
+        ({"sqrt_a": 6493.0}, "sqrt_a = "),
+        ({"sqrt_a": 0.0}, "sqrt_a = "),
+        ({"e": 0.5}, "e = "),
+        ({"e": -0.01}, "e = "),
         ({"toc_ns": TOE_NS + 604_800 * NS_PER_S}, "more than a day"),
-        ({"af0": 0.2}, "clock offset"),
-        ({"group_delay_s": 2e-6}, "group delay"),
+        ({"af0": 0.2}, "af0 = "),
+        ({"group_delay_s": 2e-6}, "group_delay_s = "),
     ],
 )
 def test_implausible_sets_are_refused(change: dict[str, Any], why: str) -> None:
     assert why in (replace(GPS, **change).implausibility() or "")
 
 
-@pytest.mark.parametrize("value", [1e300, -1e300])
 @pytest.mark.parametrize(
     "name",
-    ["crs", "crc", "cuc", "cus", "cic", "cis", "delta_n", "i_dot", "omega_dot", "af1", "af2", "accuracy_m", "i0", "omega0", "omega", "m0"],
+    ["crs", "crc", "cuc", "cus", "cic", "cis", "delta_n", "i_dot", "omega_dot", "af1", "af2", "accuracy_m"],
 )
-def test_a_parameter_beyond_its_field_is_implausible(name: str, value: float) -> None:
-    change: dict[str, Any] = {name: value}
+def test_a_parameter_beyond_its_field_is_implausible(name: str) -> None:
+    change: dict[str, Any] = {name: 1e300}
     assert replace(GPS, **change).implausibility() is not None
 
 

@@ -206,8 +206,8 @@ def test_other_systems_are_passed_over_whatever_their_length(tmp_path: Path) -> 
 @pytest.mark.parametrize(
     ("old", "new", "reason"),
     [
-        (".515365489006D+04", ".215365489006D+04", "sqrt(A) = 2153.7 sqrt(m), expected 5000 to 5600"),
-        (".626740418375D-02", ".626740418375D+00", "eccentricity 0.6267, expected 0 to 0.1"),
+        (".515365489006D+04", ".215365489006D+04", "sqrt_a = 2153.65, expected 5000 to 5600"),
+        (".626740418375D-02", ".626740418375D+00", "e = 0.62674, expected 0 to 0.1"),
         (".515365489006D+04", "              nan", "field not a number"),
         (".515365489006D+04", "*****************", "field not a number"),
         (".515365489006D+04", ".51536548900D+999", "field not a number"),
