@@ -98,7 +98,8 @@ class Assembler:
                     else:
                         self._refused_ephemerides += 1
                 case IonosphereReceived():
-                    self._klobuchar = event.klobuchar
+                    if event.klobuchar.plausible():
+                        self._klobuchar = event.klobuchar
         return out
 
     def _observations(self, event: ObservationsReceived) -> list[AlignedEpoch | SilentTick]:

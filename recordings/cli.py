@@ -100,7 +100,7 @@ def replay(
     outputs, monitor = again.decide(todo.site, todo.events, todo.snapshot, block_epochs)
     wall_s = time.perf_counter() - began
     reports, health = in_window(outputs, start_ns, end_ns)
-    dropped = {name: dict(reasons) for name, reasons in _recorded_drops(contents.metadata, chosen.config.receiver_names).items()}
+    dropped = again.recorded_drops(contents)
     for name, count in monitor.dropped.items():
         if count:
             dropped[name]["not aligned"] = count
@@ -169,16 +169,17 @@ def simulate(
     """
     from recordings.faults import inject as with_faults
     from recordings.faults import parse_faults
-    from recordings.replay import decide_and_record
+    from recordings.replay import decide_and_record, redacted
     from recordings.simulate.observations import simulate as simulated
     from recordings.simulate.scenario import parse_scenario
 
     text = _text(scenario)
     story = parse_scenario(text, str(scenario))
     site = story.site
-    faults = parse_faults(story.faults, str(scenario), story.start_ns, site.config)
-    events = with_faults(simulated(site.config, story.start_ns, story.duration_s, story.rate_hz, story.seed), faults, site.config)
-    decide_and_record(output, site, events, {"truth": {"faults": story.faults.strip() + "\n", "scenario": text}})
+    faults = parse_faults(story.faults, str(scenario), story.start_ns, site.config) if story.faults.strip() else ()
+    events = simulated(site.config, story.start_ns, story.duration_s, story.rate_hz, story.seed)
+    truth = {"faults": story.faults.strip() + "\n", "scenario": redacted(text)}
+    decide_and_record(output, site, with_faults(events, faults, site.config), {"truth": truth})
     talk(f"{output}: simulated, {len(faults)} fault{'s' if len(faults) != 1 else ''}")
 
 
@@ -264,11 +265,6 @@ def _files_of_receivers(assignments: list[str], names: tuple[str, ...]) -> dict[
     if missing:
         raise ConfigError(f"no file for receiver {', '.join(missing)}: add --receiver {missing[0]}=FILE")
     return files
-
-
-def _recorded_drops(metadata: dict[str, dict[str, str]], names: tuple[str, ...]) -> dict[str, dict[str, int]]:
-    recorded = json.loads(metadata.get("import", {}).get("dropped", "{}"))
-    return {name: dict(recorded.get(name, {})) for name in names}
 
 
 def _text(path: Path) -> str:

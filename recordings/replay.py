@@ -3,6 +3,7 @@
 `decide` is the only way from events to decisions outside a running station: import, injection, simulation and replay all use it.
 """
 
+import json
 import tomllib
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -11,7 +12,7 @@ from pathlib import Path
 
 from integrity import SOFTWARE
 from integrity.assembler import nominal_epoch_ns
-from integrity.errors import ConfigError, RecordingError
+from integrity.errors import ConfigError, DecodeError, RecordingError
 from integrity.events import Event, ObservationsReceived, Tick
 from integrity.gnss.gps_time import NS_PER_S, format_calendar, gps_from_utc, parse_utc
 from integrity.health import Health
@@ -22,7 +23,7 @@ from integrity.messages.snapshots import decode_snapshot, encode_snapshot
 from integrity.outputs import Output
 from integrity.station_monitor import Snapshot, StationMonitor
 from recordings.channels import INPUTS
-from recordings.reader import Contents, salvage
+from recordings.reader import Contents, Entry, salvage
 from recordings.site_file import SiteFile, parse_site
 from recordings.toml_file import format_toml
 from recordings.writer import RecordingWriter
@@ -70,12 +71,29 @@ def replayable(contents: Contents, site: SiteFile | None = None, start_ns: int |
     before = [i for i in snapshots if start_ns is not None and gps_from_utc(contents.entries[i].log_ns) <= start_ns]
     first = (before[-1:] or snapshots[:1] or [0])[0]
     head = contents.entries[first].message
-    snapshot = decode_snapshot(head) if isinstance(head, pb.Snapshot) else None
+    try:
+        snapshot = decode_snapshot(head) if isinstance(head, pb.Snapshot) else None
+        events = _events(contents.entries[first:], end_ns)
+    except DecodeError as error:
+        raise RecordingError(f"{contents.path}: {error}; expected what a Wayside wrote: record or import it again") from None
     if snapshot is not None and chosen.config.config_sha256 != own.config.config_sha256:
         snapshot = replace(snapshot, exclusions=(), last_clean=None, health=Health())
-    inputs = (entry for entry in contents.entries[first:] if entry.topic in INPUTS)
-    events = (decode_event(entry.message) for entry in inputs if end_ns is None or gps_from_utc(entry.log_ns) < end_ns)
-    return Replayable(chosen, snapshot, tuple(events))
+    return Replayable(chosen, snapshot, events)
+
+
+def _events(entries: Sequence[Entry], end_ns: int | None) -> tuple[Event, ...]:
+    inputs = (entry for entry in entries if entry.topic in INPUTS)
+    return tuple(decode_event(entry.message) for entry in inputs if end_ns is None or gps_from_utc(entry.log_ns) < end_ns)
+
+
+def recorded_drops(contents: Contents) -> dict[str, dict[str, int]]:
+    """What the import of a recording dropped, by receiver and reason; nothing where it was not imported."""
+    text = contents.metadata.get("import", {}).get("dropped", "{}")
+    try:
+        drops = {str(r): {str(reason): int(n) for reason, n in reasons.items()} for r, reasons in json.loads(text).items()}
+    except (ValueError, TypeError, AttributeError):
+        raise RecordingError(f"{contents.path}: metadata import/dropped is {text[:60]!r}, expected counts by receiver and reason") from None
+    return {r: drops.get(r, {}) for r in recorded_site(contents).config.receiver_names}
 
 
 def decide(

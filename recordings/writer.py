@@ -1,12 +1,14 @@
 """Writes a recording: crash-safe, self-describing, the same bytes for the same input.
 
 A chunk ends with each second of recorded time (and at 256 KiB), so that a file that is cut anywhere loses at most its last second;
-the file is synced to the disk once a second of real time. It grows under the name `X.part` and gets its own when it is complete.
+the file is synced to the disk once a second of real time. It grows under the name `X.part` and gets its own when it is complete;
+what an earlier writing left behind stays.
 """
 
 import os
 import time
 from collections.abc import Mapping
+from itertools import count
 from pathlib import Path
 from types import TracebackType
 from typing import Self
@@ -14,6 +16,7 @@ from typing import Self
 from google.protobuf.message import Message
 from mcap.writer import CompressionType, IndexType, Writer
 
+from integrity.errors import ConfigError
 from integrity.gnss.gps_time import NS_PER_S, utc_from_gps
 from recordings.channels import ENCODING, PROFILE, TOPICS, schema_bytes, topic_of
 
@@ -25,7 +28,9 @@ class RecordingWriter:
 
     def __init__(self, path: Path, software: str, start_gps_ns: int, start_mono_ns: int, metadata: Mapping[str, Mapping[str, str]]) -> None:
         self._path = path
-        self._part = path.with_name(path.name + ".part")
+        self._part = next(p for i in count() if not (p := path.with_name(f"{path.name}{f'.{i}' if i else ''}.part")).exists())
+        if not path.parent.is_dir():
+            raise ConfigError(f"{path}: there is no folder {path.parent} to write to; make it, or write elsewhere")
         self._file = self._part.open("wb")
         self._writer = Writer(
             self._file,

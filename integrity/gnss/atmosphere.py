@@ -17,6 +17,10 @@ class Klobuchar:
     alpha: tuple[float, float, float, float]
     beta: tuple[float, float, float, float]
 
+    def plausible(self) -> bool:
+        """Whether the words of IS-GPS-200 table 20-X can hold these numbers (with a margin)."""
+        return all(abs(a) <= 1e-5 for a in self.alpha) and all(abs(b) <= 1e7 for b in self.beta)
+
 
 def klobuchar_delay_m(tow_s: Floats, lat_rad: Floats, lon_rad: Floats, az_rad: Floats, el_rad: Floats, k: Klobuchar) -> Floats:
     """Ionospheric group delay on L1 in metres, positive, to be subtracted from a pseudorange; shape of el_rad.

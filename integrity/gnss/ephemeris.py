@@ -21,6 +21,7 @@ from integrity.gnss.constants import (
 )
 from integrity.gnss.gps_time import NS_PER_S, WEEK_NS
 from integrity.gnss.observations import Bools, Floats, Ints, freeze, slices
+from integrity.gnss.signals import SYSTEMS
 
 KEPLER_ITERATIONS = 2  # Newton from E = M + e sin M: below 1e-14 rad for e < 0.1
 
@@ -63,6 +64,8 @@ class Ephemeris:
 
     def implausibility(self) -> str | None:
         """Why this set cannot be an orbit and a clock of GPS or Galileo, or None; see `PLAUSIBLE`."""
+        if self.satellite[:1] not in SYSTEMS or not self.satellite[1:].isdigit():
+            return f"satellite {self.satellite!r}, expected a name like G05 or E11"
         if not all(isfinite(getattr(self, name)) for name in PLAUSIBLE) or not isfinite(self.accuracy_m or 0.0):
             return "a parameter is not a number"
         for name, (low, high) in PLAUSIBLE.items():
@@ -82,7 +85,7 @@ PLAUSIBLE: dict[str, tuple[float, float]] = {
     "e": (0.0, 0.1),
     "fit_half_s": (1.0, 86_400.0),
     **dict.fromkeys(("i0", "omega0", "omega", "m0"), (-6.3, 6.3)),
-    "delta_n": (-2e-8, 2e-8),
+    "delta_n": (-1e-7, 1e-7),
     "i_dot": (-1e-8, 1e-8),
     "omega_dot": (-1e-6, 1e-6),
     **dict.fromkeys(("cuc", "cus", "cic", "cis"), (-1e-4, 1e-4)),

@@ -70,6 +70,8 @@ def decode_snapshot(message: pb.Snapshot) -> Snapshot:
         )
     except (KeyError, ValueError) as error:
         raise DecodeError(f"snapshot: state {message.state} with cause {message.cause}: {error}") from None
+    if len(set(message.signal)) != len(message.signal):
+        raise DecodeError("snapshot: a signal stands twice")
     shape = (len(message.receiver), len(message.signal))
     streams = StreamMemory(
         tuple(message.signal),

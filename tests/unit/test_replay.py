@@ -51,8 +51,11 @@ EVENTS = rows_changed(stream(SECONDS), spoiled)
 
 
 def spoiled_around_the_second_snapshot(row: ObservationRow) -> ObservationRow:
-    """A satellite off from 55 to 75 minutes: it is on the exclusion list when the snapshot of the first hour is taken."""
-    return off(row, "G07", 40.0) if 55 * 60 <= epoch_of(row) < 75 * 60 else row
+    """A satellite off from 55 to 75 minutes: it is out when the snapshot of the first hour is taken. All signals 15 dB down from 62 to 64
+    minutes, which only shows against what C/N0 was before the snapshot."""
+    minute = epoch_of(row) / 60
+    row = with_more(row, "cn0_dbhz", -15.0) if 62 <= minute < 64 else row
+    return off(row, "G07", 40.0) if 55 <= minute < 75 else row
 
 
 @dataclass(frozen=True)
@@ -164,6 +167,11 @@ def test_a_snapshot_in_the_middle_remembers_a_satellite_that_is_out(slow: Record
     snapshot = replayable(slow.contents, None, minutes(61)).snapshot
     assert snapshot is not None
     assert [x.satellite for x in snapshot.exclusions] == ["G07"]
+
+
+def test_a_snapshot_in_the_middle_remembers_how_strong_signals_were(slow: Recorded) -> None:
+    part = [r.cause for r in replayed(slow.contents, start_ns=minutes(61)) if minutes(62) <= r.gps_time_ns < minutes(64)]
+    assert set(part) == {Cause.JAMMING}
 
 
 @pytest.mark.parametrize("from_minute", [0, 1, 30, 59, 60, 61, 74, 76, 119, 120, 121, 134])

@@ -6,6 +6,7 @@ from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
 
+import numpy as np
 import pytest
 from google.protobuf.descriptor_pb2 import FileDescriptorSet
 from google.protobuf.descriptor_pool import DescriptorPool
@@ -151,6 +152,16 @@ def test_the_same_events_give_the_same_bytes(tmp_path: Path, whole: Path) -> Non
     again = tmp_path / "again.mcap"
     decide_and_record(again, SITE_FILE, rows_changed(stream(SECONDS), stepped), METADATA)
     assert again.read_bytes() == whole.read_bytes()
+
+
+@pytest.mark.parametrize("name", ["last_seen_ns", "pseudorange_m", "cn0_baseline_dbhz"])
+def test_what_is_remembered_of_streams_is_read_to_the_bit(name: str) -> None:
+    monitor = StationMonitor(SITE)
+    monitor.feed(stream(SECONDS))
+    was = monitor.snapshot()
+    now = decode_snapshot(encode_snapshot(was, SITE.receiver_names, START_NS))
+    assert now.streams.signals == was.streams.signals != ()
+    np.testing.assert_array_equal(getattr(now.streams, name), getattr(was.streams, name))
 
 
 # Time

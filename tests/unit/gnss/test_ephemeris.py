@@ -38,6 +38,12 @@ def test_the_latest_transmitted_serves_though_it_arrived_first() -> None:
     assert serving(EphemerisStore((NEW, OLD))) == NEW
 
 
+def test_the_latest_transmitted_serves_whatever_its_issue_and_reference_time() -> None:
+    # Issues begin again, and a satellite may go back to an earlier reference time after an upload.
+    before = replace(OLD, issue=9, toe_ns=TOE_NS + HOUR_NS)
+    assert serving(EphemerisStore((NEW, before))) == NEW
+
+
 def test_what_has_not_arrived_does_not_serve() -> None:
     assert serving(EphemerisStore((OLD, NEW)), arrived=1) == OLD
 
