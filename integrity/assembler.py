@@ -30,10 +30,10 @@ class AlignedEpoch:
 
 
 @dataclass(frozen=True)
-class SilentTick:
-    """A tick at which receivers are silent; none named when all send but share no epoch. `last_epoch_ns` is the last aligned one."""
+class Silence:
+    """At `mono_ns` receivers are, or have been, silent; none named when all send but share no epoch."""
 
-    tick: Tick
+    mono_ns: int
     receivers: tuple[str, ...]
     last_epoch_ns: int | None
 
@@ -46,6 +46,7 @@ class AssemblerState:
     last_epoch_ns: int | None = None
     heard_ns: tuple[tuple[str, int], ...] = ()
     aligned_ns: int | None = None
+    silence_told: bool = False  # since the last aligned epoch
     klobuchar: Klobuchar | None = None
     dropped: tuple[tuple[str, int], ...] = ()
     refused_ephemerides: int = 0
@@ -60,6 +61,7 @@ class Assembler:
         self.last_epoch_ns = state.last_epoch_ns
         self._heard_ns = dict(state.heard_ns)
         self._aligned_ns = state.aligned_ns
+        self._silence_told = state.silence_told
         self._klobuchar = state.klobuchar
         self.dropped = Counter(dict(state.dropped))
         self._refused_ephemerides = state.refused_ephemerides
@@ -71,6 +73,7 @@ class Assembler:
             last_epoch_ns=self.last_epoch_ns,
             heard_ns=tuple(sorted(self._heard_ns.items())),
             aligned_ns=self._aligned_ns,
+            silence_told=self._silence_told,
             klobuchar=self._klobuchar,
             dropped=tuple(sorted(self.dropped.items())),
             refused_ephemerides=self._refused_ephemerides,
@@ -83,9 +86,9 @@ class Assembler:
         known = [t for t in heard if t is not None]
         return min(known) + self._limits.silence_ns if known else None
 
-    def take(self, events: Iterable[Event]) -> list[AlignedEpoch | SilentTick]:
+    def take(self, events: Iterable[Event]) -> list[AlignedEpoch | Silence]:
         """Epochs and silences, in the order in which the events complete them."""
-        out: list[AlignedEpoch | SilentTick] = []
+        out: list[AlignedEpoch | Silence] = []
         for event in events:
             match event:
                 case ObservationsReceived():
@@ -102,7 +105,7 @@ class Assembler:
                         self._klobuchar = event.klobuchar
         return out
 
-    def _observations(self, event: ObservationsReceived) -> list[AlignedEpoch | SilentTick]:
+    def _observations(self, event: ObservationsReceived) -> list[AlignedEpoch | Silence]:
         row = event.row
         if row.receiver not in self._receivers:
             self.dropped[row.receiver] += 1
@@ -124,18 +127,25 @@ class Assembler:
         complete = self._pending.pop(epoch_ns)
         for earlier in [t for t in self._pending if t < epoch_ns]:
             self._give_up(earlier)
-        self.last_epoch_ns, self._aligned_ns = epoch_ns, event.mono_ns
+        gap: list[AlignedEpoch | Silence] = []
+        silent = self._aligned_ns is not None and event.mono_ns - self._aligned_ns > self._limits.silence_ns
+        if silent and not self._silence_told:
+            gap = [Silence(event.mono_ns, (), self.last_epoch_ns)]  # no tick came to notice it
+        self.last_epoch_ns, self._aligned_ns, self._silence_told = epoch_ns, event.mono_ns, False
         rows_in_order = tuple(complete[r] for r in self._receivers)
-        return [AlignedEpoch(epoch_ns, event.mono_ns, rows_in_order, len(self._store.ephemerides), self._klobuchar)]
+        return [*gap, AlignedEpoch(epoch_ns, event.mono_ns, rows_in_order, len(self._store.ephemerides), self._klobuchar)]
 
     def _give_up(self, epoch_ns: int) -> None:
         self.dropped.update(self._pending.pop(epoch_ns).keys())
 
-    def _tick(self, tick: Tick) -> list[AlignedEpoch | SilentTick]:
+    def _tick(self, tick: Tick) -> list[AlignedEpoch | Silence]:
         self._start_listening(tick.mono_ns)
         silent = tuple(r for r in self._receivers if tick.mono_ns - self._heard_ns[r] > self._limits.silence_ns)
         unaligned = self._aligned_ns is not None and tick.mono_ns - self._aligned_ns > self._limits.silence_ns
-        return [SilentTick(tick, silent, self.last_epoch_ns)] if silent or unaligned else []
+        if not (silent or unaligned):
+            return []
+        self._silence_told = True
+        return [Silence(tick.mono_ns, silent, self.last_epoch_ns)]
 
     def _start_listening(self, mono_ns: int) -> None:
         """A receiver that was never heard is silent from the first event on, not from the beginning of time."""

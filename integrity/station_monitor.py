@@ -16,7 +16,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from integrity.assembler import AlignedEpoch, Assembler, AssemblerState, SilentTick
+from integrity.assembler import AlignedEpoch, Assembler, AssemblerState, Silence
 from integrity.checks import BlockChecks, check
 from integrity.config import SiteConfig
 from integrity.events import Event
@@ -92,10 +92,10 @@ class StationMonitor:
         outputs: list[Output] = []
         run: list[AlignedEpoch] = []
         for item in self._assembler.take(events):
-            if run and (isinstance(item, SilentTick) or item.klobuchar != run[0].klobuchar or len(run) == MOST_EPOCHS_PER_BLOCK):
+            if run and (isinstance(item, Silence) or item.klobuchar != run[0].klobuchar or len(run) == MOST_EPOCHS_PER_BLOCK):
                 outputs += self._block(run)
                 run = []
-            if isinstance(item, SilentTick):
+            if isinstance(item, Silence):
                 outputs += self._silence(item)
             else:
                 run.append(item)
@@ -214,11 +214,11 @@ class StationMonitor:
         )
         return full_verdict(full.checks, e, evidence, self.site.integrity.on_satellite_fault)
 
-    def _silence(self, silent: SilentTick) -> list[Output]:
-        why = f"silent: {', '.join(silent.receivers)}" if silent.receivers else "the receivers send, but share no epoch"
+    def _silence(self, silent: Silence) -> list[Output]:
+        why = f"silent: {', '.join(silent.receivers)}" if silent.receivers else "no epoch common to all receivers"
         verdict = Verdict(State.NOT_CONFIRMABLE, Cause.DATA, silent.receivers, reasons=(why,))
         before, self._health = self._health, after_silence(self._health, verdict)
-        gps_ns, mono_ns = silent.last_epoch_ns, silent.tick.mono_ns
+        gps_ns, mono_ns = silent.last_epoch_ns, silent.mono_ns
         health = self._health_report(gps_ns, mono_ns, verdict.reasons, (), (), tuple(sorted(self._exclusions)))
         return [health, *self._alerts(before, gps_ns, mono_ns, verdict.reasons)]
 

@@ -231,6 +231,11 @@ def _evaluate(p: Parameters, t_s: Floats) -> tuple[Floats, ...]:
     return x, y, z, vx, vy, vz, ax, ay, az, clock_s, clock_drift_sps
 
 
+def _precedence(eph: Ephemeris) -> tuple[str, int, int, int, float, float]:
+    """Sort key: by satellite, the set that serves first last; the last two settle what no satellite should send."""
+    return eph.satellite, eph.transmission_ns, eph.toe_ns, eph.issue, eph.m0, eph.af0
+
+
 class EphemerisStore:
     """The ephemerides that have arrived, in order of arrival, and which of them serves a satellite at an epoch.
 
@@ -260,10 +265,7 @@ class EphemerisStore:
 
     def choose(self, satellites: Sequence[str], epoch_ns: Ints, arrived: Ints) -> Ints:
         """Index (E, S) into `ephemerides`, -1 for none; `arrived` (E,) is how many had arrived when each epoch was complete."""
-        best_last = sorted(
-            range(len(self._arrived)),
-            key=lambda k: (self._arrived[k].satellite, self._arrived[k].transmission_ns, self._arrived[k].toe_ns, self._arrived[k].issue),
-        )
+        best_last = sorted(range(len(self._arrived)), key=lambda k: _precedence(self._arrived[k]))
         toe_ns = np.array([self._arrived[k].toe_ns for k in best_last], dtype=np.int64)
         half_ns = np.array([self._arrived[k].fit_half_s * NS_PER_S for k in best_last], dtype=np.int64)
         number = np.array(best_last, dtype=np.int64)

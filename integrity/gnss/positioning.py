@@ -300,7 +300,7 @@ def _symmetric(a: Floats, b: Floats) -> Floats:
 
 
 def _inverse(N: Floats) -> tuple[Floats, Floats]:
-    """Inverse (3, 3, ...) and determinant (...) of symmetric matrices by cov_enu_m2s; NaN where the determinant is not positive."""
+    """Inverse (3, 3, ...) and determinant (...) of symmetric matrices by cofactors; NaN where the determinant is not positive."""
     C = np.empty_like(N)
     C[0, 0] = N[1, 1] * N[2, 2] - N[1, 2] * N[1, 2]
     C[0, 1] = C[1, 0] = N[0, 2] * N[1, 2] - N[0, 1] * N[2, 2]

@@ -290,7 +290,7 @@ class Residual(_message.Message):
     def __init__(self, signal: _Optional[str] = ..., used: bool = ..., sigmas: _Optional[float] = ..., b_m: _Optional[_Iterable[float]] = ...) -> None: ...
 
 class Snapshot(_message.Message):
-    __slots__ = ["aligned_ns", "cause", "clean_epochs", "clean_since_ns", "dropped", "ephemerides", "exclusions", "heard_ns", "ionosphere", "last_clean", "last_epoch_ns", "mono_ns", "pending", "receiver", "refused_ephemerides", "sequence", "signal", "state", "streams", "streams_epoch_ns", "subjects"]
+    __slots__ = ["aligned_ns", "cause", "clean_epochs", "clean_since_ns", "dropped", "ephemerides", "exclusions", "heard_ns", "ionosphere", "last_clean", "last_epoch_ns", "mono_ns", "pending", "receiver", "refused_ephemerides", "sequence", "signal", "silence_told", "state", "streams", "streams_epoch_ns", "subjects"]
     class DroppedEntry(_message.Message):
         __slots__ = ["key", "value"]
         KEY_FIELD_NUMBER: _ClassVar[int]
@@ -322,6 +322,7 @@ class Snapshot(_message.Message):
     REFUSED_EPHEMERIDES_FIELD_NUMBER: _ClassVar[int]
     SEQUENCE_FIELD_NUMBER: _ClassVar[int]
     SIGNAL_FIELD_NUMBER: _ClassVar[int]
+    SILENCE_TOLD_FIELD_NUMBER: _ClassVar[int]
     STATE_FIELD_NUMBER: _ClassVar[int]
     STREAMS_EPOCH_NS_FIELD_NUMBER: _ClassVar[int]
     STREAMS_FIELD_NUMBER: _ClassVar[int]
@@ -343,11 +344,12 @@ class Snapshot(_message.Message):
     refused_ephemerides: int
     sequence: int
     signal: _containers.RepeatedScalarFieldContainer[str]
+    silence_told: bool
     state: State
     streams: _containers.RepeatedCompositeFieldContainer[StreamMemory]
     streams_epoch_ns: int
     subjects: _containers.RepeatedScalarFieldContainer[str]
-    def __init__(self, mono_ns: _Optional[int] = ..., receiver: _Optional[_Iterable[str]] = ..., signal: _Optional[_Iterable[str]] = ..., streams_epoch_ns: _Optional[int] = ..., streams: _Optional[_Iterable[_Union[StreamMemory, _Mapping]]] = ..., pending: _Optional[_Iterable[_Union[PendingEpoch, _Mapping]]] = ..., last_epoch_ns: _Optional[int] = ..., heard_ns: _Optional[_Mapping[str, int]] = ..., aligned_ns: _Optional[int] = ..., dropped: _Optional[_Mapping[str, int]] = ..., refused_ephemerides: _Optional[int] = ..., ionosphere: _Optional[_Union[Ionosphere, _Mapping]] = ..., ephemerides: _Optional[_Iterable[_Union[Ephemeris, _Mapping]]] = ..., exclusions: _Optional[_Iterable[_Union[Exclusion, _Mapping]]] = ..., state: _Optional[_Union[State, str]] = ..., cause: _Optional[_Union[Cause, str]] = ..., subjects: _Optional[_Iterable[str]] = ..., clean_since_ns: _Optional[int] = ..., clean_epochs: _Optional[int] = ..., sequence: _Optional[int] = ..., last_clean: _Optional[_Union[LastClean, _Mapping]] = ...) -> None: ...
+    def __init__(self, mono_ns: _Optional[int] = ..., receiver: _Optional[_Iterable[str]] = ..., signal: _Optional[_Iterable[str]] = ..., streams_epoch_ns: _Optional[int] = ..., streams: _Optional[_Iterable[_Union[StreamMemory, _Mapping]]] = ..., pending: _Optional[_Iterable[_Union[PendingEpoch, _Mapping]]] = ..., last_epoch_ns: _Optional[int] = ..., heard_ns: _Optional[_Mapping[str, int]] = ..., aligned_ns: _Optional[int] = ..., dropped: _Optional[_Mapping[str, int]] = ..., refused_ephemerides: _Optional[int] = ..., ionosphere: _Optional[_Union[Ionosphere, _Mapping]] = ..., ephemerides: _Optional[_Iterable[_Union[Ephemeris, _Mapping]]] = ..., exclusions: _Optional[_Iterable[_Union[Exclusion, _Mapping]]] = ..., state: _Optional[_Union[State, str]] = ..., cause: _Optional[_Union[Cause, str]] = ..., subjects: _Optional[_Iterable[str]] = ..., clean_since_ns: _Optional[int] = ..., clean_epochs: _Optional[int] = ..., sequence: _Optional[int] = ..., last_clean: _Optional[_Union[LastClean, _Mapping]] = ..., silence_told: bool = ...) -> None: ...
 
 class Started(_message.Message):
     __slots__ = ["config_sha256", "gps_time_ns", "site", "site_toml", "software"]
