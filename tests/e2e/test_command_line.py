@@ -756,7 +756,10 @@ def test_an_unknown_command_is_a_matter_of_usage() -> None:
 
 def on_a_terminal(*arguments: str, **more: str) -> str:
     """What a command prints where stdout is a terminal."""
-    ours, theirs = pty.openpty()
+    try:
+        ours, theirs = pty.openpty()
+    except OSError as error:
+        pytest.skip(f"no pseudo-terminal on this machine: {error}")
     process = subprocess.Popen(
         [sys.executable, "-m", "wayside", *arguments], cwd=ROOT, env=environment(**more), stdout=theirs, stderr=theirs
     )
