@@ -11,7 +11,7 @@ The way of a block of epochs:
   5. `_epoch`         walk B, with memory: verdict and health, epoch by epoch, silence by silence
 """
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -136,10 +136,7 @@ class StationMonitor:
         screened = sight.satellites.screened
         alone = checked(screened)
         full = alone if np.array_equal(walked.used, screened) else checked(walked.used)
-        could_help = fails_only(full.checks, "b_value") & np.array([bool(channels) for channels in walked.channels])
-        without = checked(without_channels(walked, sight.block.satellites, could_help).used) if could_help.any() else full
-        walked = without_channels(walked, sight.block.satellites, could_help & clean_epochs(without.checks, "full"))
-        full = checked(walked.used) if could_help.any() else full
+        walked, full = _leave_out_channels(sight, walked, full, checked)
         clean, clean_alone = clean_epochs(full.checks, "full"), clean_epochs(alone.checks, "triangle")
         decided = _Decided(sight, streams, walked, full, alone, clean, clean_alone, suspects(full.triangle, self.limits))
         return [output for e, epoch in enumerate(epochs) for output in self._epoch(decided, e, epoch)]
@@ -252,3 +249,14 @@ class StationMonitor:
         if (before.state, before.cause, before.subjects) == (now.state, now.cause, now.subjects):
             return []
         return [Alert(gps_ns, mono_ns, before.state, now.state, now.cause, now.subjects, reasons)]
+
+
+def _leave_out_channels(sight: Sight, walked: Walk, full: BlockChecks, checked: Callable[[Bools], BlockChecks]) -> tuple[Walk, BlockChecks]:
+    """Leave channels out where nothing but the B-value fails with them, and nothing fails without them; see `exclusion`."""
+    could_help = fails_only(full.checks, "b_value") & np.array([bool(channels) for channels in walked.channels])
+    satellites = sight.block.satellites
+    if not could_help.any():
+        return without_channels(walked, satellites, could_help), full
+    without = checked(without_channels(walked, satellites, could_help).used)
+    kept_out = without_channels(walked, satellites, could_help & clean_epochs(without.checks, "full"))
+    return kept_out, checked(kept_out.used)

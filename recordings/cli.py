@@ -3,12 +3,14 @@
 import json
 import sys
 import time
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Annotated, Any
 
 import typer
 
 from integrity.errors import ConfigError, DecodeError
+from integrity.events import Event
 
 commands = typer.Typer(no_args_is_help=True)
 recording_commands = typer.Typer(no_args_is_help=True, help="Look at a recording, check it, save what is whole of it.")
@@ -23,6 +25,18 @@ Json = Annotated[bool, typer.Option("--json", help="One JSON object on stdout.")
 def talk(text: str) -> None:
     """To people: stderr, so that stdout stays data."""
     print(text, file=sys.stderr)
+
+
+def watched(events: Sequence[Event]) -> Iterator[Event]:
+    """The events one by one; on a terminal, after two seconds, with a word on stderr of how far they are."""
+    began, said = time.monotonic(), False
+    for i, event in enumerate(events):
+        if i % 500 == 0 and sys.stderr.isatty() and time.monotonic() - began > 2.0:
+            print(f"\rdeciding, {100 * i // len(events)} %", end="", file=sys.stderr, flush=True)
+            said = True
+        yield event
+    if said:
+        print("\r" + " " * 20 + "\r", end="", file=sys.stderr, flush=True)
 
 
 @commands.command("import")
@@ -55,7 +69,7 @@ def import_(
     for warning in imported.warnings:
         talk(f"warning: {warning}")
     metadata = {"import": {"dropped": json.dumps(imported.dropped, sort_keys=True)}}
-    decide_and_record(output, site_file, imported.events, metadata)
+    decide_and_record(output, site_file, imported.events, metadata, watch=watched)
     for name, reasons in imported.dropped.items():
         if reasons:
             talk(f"receiver {name}: dropped {', '.join(f'{n} x {reason}' for reason, n in reasons.items())}")
@@ -97,7 +111,7 @@ def replay(
         chosen = override_site(chosen, settings)
     todo = again.replayable(contents, chosen, start_ns, end_ns)
     began = time.perf_counter()
-    outputs, monitor = again.decide(todo.site, todo.events, todo.snapshot, block_epochs)
+    outputs, monitor = again.decide(todo.site, watched(todo.events), todo.snapshot, block_epochs)
     wall_s = time.perf_counter() - began
     reports, health = in_window(outputs, start_ns, end_ns)
     dropped = again.recorded_drops(contents)
@@ -154,7 +168,7 @@ def inject(
     parsed = parse_faults(text, str(faults), first_epoch_ns(todo), todo.site.config)
     events = with_faults(todo.events, parsed, todo.site.config, snapshot=todo.snapshot)
     kept = {name: values for name, values in contents.metadata.items() if name == "import"}
-    decide_and_record(output, todo.site, events, kept | {"truth": {"faults": text}}, todo.snapshot)
+    decide_and_record(output, todo.site, events, kept | {"truth": {"faults": text}}, todo.snapshot, watched)
     talk(f"{output}: {len(parsed)} fault{'s' if len(parsed) != 1 else ''} injected")
 
 
@@ -179,7 +193,7 @@ def simulate(
     faults = parse_faults(story.faults, str(scenario), story.start_ns, site.config) if story.faults.strip() else ()
     events = simulated(site.config, story.start_ns, story.duration_s, story.rate_hz, story.seed)
     truth = {"faults": story.faults.strip() + "\n", "scenario": redacted(text)}
-    decide_and_record(output, site, with_faults(events, faults, site.config), {"truth": truth})
+    decide_and_record(output, site, with_faults(events, faults, site.config), {"truth": truth}, watch=watched)
     talk(f"{output}: simulated, {len(faults)} fault{'s' if len(faults) != 1 else ''}")
 
 

@@ -5,7 +5,7 @@
 
 import json
 import tomllib
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise, zip_longest
 from pathlib import Path
@@ -120,9 +120,14 @@ def decide(
 
 
 def decide_and_record(
-    path: Path, site: SiteFile, events: Sequence[Event], metadata: Mapping[str, Mapping[str, str]], snapshot: Snapshot | None = None
+    path: Path,
+    site: SiteFile,
+    events: Sequence[Event],
+    metadata: Mapping[str, Mapping[str, str]],
+    snapshot: Snapshot | None = None,
+    watch: Callable[[Sequence[Event]], Iterable[Event]] = iter,
 ) -> tuple[list[Output], StationMonitor]:
-    """A new recording of events and of what is decided on them; deterministic bytes."""
+    """A new recording of events and of what is decided on them; deterministic bytes. `watch` hands the events on and may say so."""
     if not events:
         raise RecordingError(f"{path}: there is nothing to record")
     first = events[0]
@@ -133,7 +138,7 @@ def decide_and_record(
             site=config.site_id, software=SOFTWARE, config_sha256=config.config_sha256, site_toml=redacted(site.text), gps_time_ns=gps_ns
         )
         writer.write(head, first.mono_ns)
-        return decide(site, events, snapshot, block_epochs=60, writer=writer)
+        return decide(site, watch(events), snapshot, block_epochs=60, writer=writer)
 
 
 def redacted(site_toml: str) -> str:
