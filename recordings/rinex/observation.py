@@ -30,7 +30,7 @@ GPS_SCALES = ("GPS", "GAL")  # Galileo's weeks are counted in RINEX as those of 
 SCALE_OF_SYSTEM = {"R": "GLO", "C": "BDT"}  # where TIME OF FIRST OBS does not say
 
 _TIME = r" ([ \d]\d) ([ \d]\d) ([ \d]\d) ([ \d]\d)([ \d]{3})\.(\d{7})"
-_FLAG_AND_COUNT = r"  ([0-6])([ \d]{2}\d)"
+_FLAG_AND_COUNT = r"  ([0-6])(  \d| \d\d|\d{3})"
 _EPOCH_2 = re.compile(rf"(?: ([ \d]\d){_TIME}| {{26}}){_FLAG_AND_COUNT}", re.ASCII)
 _EPOCH_3 = re.compile(rf">(?: (\d{{4}}){_TIME}| {{28}}){_FLAG_AND_COUNT}", re.ASCII)
 _FIELD = re.compile(r" *-?\d*\.\d{3}", re.ASCII)

@@ -351,3 +351,8 @@ def test_windows_line_ends_and_a_missing_last_one(tmp_path: Path) -> None:
 def test_missing_file_is_an_os_error(tmp_path: Path) -> None:
     with pytest.raises(FileNotFoundError):
         read_observations(tmp_path / "nowhere.obs", "A")
+
+
+def test_a_count_with_a_gap_in_it_is_no_count(tmp_path: Path) -> None:
+    file = read(tmp_path, HEADER_3 + EPOCH_3.replace("  0  2\n", "  00 2\n") + EPOCH_3)
+    assert (len(file.rows), file.problems) == (1, {"epoch line not readable": 1})
