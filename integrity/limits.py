@@ -47,6 +47,7 @@ class Limits:
     isolation: float  # naming (i), on t_j, chi-square with 3 degrees of freedom
     pair: float  # naming (ii), on T_pair
     log_likelihood_ratio: float  # naming (iv)
+    jump_log_likelihood_ratio: float  # the same for what moved: stricter, since it comes on top of (iv)
     collapse_fit: float  # the solved points are one point: chi-square with 6 degrees of freedom
     min_common_satellites: int
     max_exclusions_per_epoch: int
@@ -166,6 +167,7 @@ def derive(site: SiteConfig, triangle: ReferenceTriangle) -> Limits:
         isolation=chi2_quantile(share / looks, 3),
         pair=chi2_quantile(1e-3, 3),
         log_likelihood_ratio=log(1000.0),
+        jump_log_likelihood_ratio=log(10_000.0),
         collapse_fit=chi2_quantile(min(p_md, 1e-5), 6),
         min_common_satellites=5,
         max_exclusions_per_epoch=3,

@@ -43,7 +43,7 @@ def named_receiver(
     """Of one epoch, for each receiver (R,): may it be named? `ratio` (R,) of rule (iv); variances (3,)."""
     certain = ratio > limits.log_likelihood_ratio
     if last is not None:
-        certain = certain | (jump_ratio(e_enu_m, var_common, var_d, last, gps_ns, promises) > limits.log_likelihood_ratio)
+        certain = certain | (jump_ratio(e_enu_m, var_common, var_d, last, gps_ns, promises) > limits.jump_log_likelihood_ratio)
     named: Bools = suspected & certain
     return named
 

@@ -167,7 +167,8 @@ def window(text_from: str | None, text_to: str | None) -> tuple[int | None, int 
 
 def span_utc(contents: Contents) -> tuple[str, str]:
     """First and last log time, UTC."""
-    return tuple(format_calendar(contents.entries[i].log_ns) + "Z" for i in (0, -1))  # type: ignore[return-value]
+    first, last = contents.entries[0], contents.entries[-1]
+    return format_calendar(first.log_ns) + "Z", format_calendar(last.log_ns) + "Z"
 
 
 def _batches(events: Iterable[Event], rows: int) -> Iterator[list[Event]]:
