@@ -5,6 +5,25 @@ from dataclasses import dataclass
 from integrity.gnss.atmosphere import Klobuchar
 from integrity.gnss.ephemeris import Ephemeris
 from integrity.gnss.observations import ObservationRow
+from integrity.gnss.receiver_status import ReceiverStatus
+
+
+@dataclass(frozen=True)
+class RawBytes:
+    """Bytes of one receiver as they came from its link, cut anywhere."""
+
+    mono_ns: int
+    receiver: str
+    data: bytes
+
+
+@dataclass(frozen=True)
+class InputLost:
+    """Pieces of a receiver's bytes that had arrived and were lost before they could be decided on."""
+
+    mono_ns: int
+    receiver: str
+    chunks: int
 
 
 @dataclass(frozen=True)
@@ -32,6 +51,15 @@ class IonosphereReceived:
 
 
 @dataclass(frozen=True)
+class StatusReceived:
+    """What a receiver says of itself."""
+
+    mono_ns: int
+    receiver: str
+    status: ReceiverStatus
+
+
+@dataclass(frozen=True)
 class Tick:
     """Time passes: the only clock that the monitor has. `utc_uncertainty_ns` is None where nobody vouches for `utc_ns`."""
 
@@ -40,4 +68,5 @@ class Tick:
     utc_uncertainty_ns: int | None
 
 
-Event = ObservationsReceived | EphemerisReceived | IonosphereReceived | Tick
+Decoded = ObservationsReceived | EphemerisReceived | IonosphereReceived | StatusReceived
+Event = RawBytes | InputLost | ObservationsReceived | EphemerisReceived | IonosphereReceived | Tick

@@ -49,6 +49,18 @@ class Alert(_message.Message):
     subjects: _containers.RepeatedScalarFieldContainer[str]
     def __init__(self, gps_time_ns: _Optional[int] = ..., mono_ns: _Optional[int] = ..., before: _Optional[_Union[State, str]] = ..., state: _Optional[_Union[State, str]] = ..., cause: _Optional[_Union[Cause, str]] = ..., subjects: _Optional[_Iterable[str]] = ..., reasons: _Optional[_Iterable[str]] = ...) -> None: ...
 
+class ChallengeReply(_message.Message):
+    __slots__ = ["boot_id", "issued_mono_ns", "nonce", "sequence"]
+    BOOT_ID_FIELD_NUMBER: _ClassVar[int]
+    ISSUED_MONO_NS_FIELD_NUMBER: _ClassVar[int]
+    NONCE_FIELD_NUMBER: _ClassVar[int]
+    SEQUENCE_FIELD_NUMBER: _ClassVar[int]
+    boot_id: bytes
+    issued_mono_ns: int
+    nonce: bytes
+    sequence: int
+    def __init__(self, nonce: _Optional[bytes] = ..., boot_id: _Optional[bytes] = ..., issued_mono_ns: _Optional[int] = ..., sequence: _Optional[int] = ...) -> None: ...
+
 class Channel(_message.Message):
     __slots__ = ["receiver", "satellite", "statistic", "threshold"]
     RECEIVER_FIELD_NUMBER: _ClassVar[int]
@@ -192,7 +204,8 @@ class Exclusion(_message.Message):
     def __init__(self, satellite: _Optional[str] = ..., since_ns: _Optional[int] = ..., check: _Optional[str] = ..., statistic: _Optional[float] = ..., threshold: _Optional[float] = ..., clean_since_ns: _Optional[int] = ..., clean_epochs: _Optional[int] = ...) -> None: ...
 
 class Health(_message.Message):
-    __slots__ = ["cause", "config_sha256", "excluded_satellites", "gps_time_ns", "issued_mono_ns", "monitored", "not_monitored", "reasons", "sequence", "site", "software", "state", "subjects", "utc_ns", "valid_for_ms"]
+    __slots__ = ["boot_id", "cause", "config_sha256", "excluded_satellites", "gps_time_ns", "issued_mono_ns", "monitored", "not_monitored", "reasons", "sequence", "site", "software", "state", "subjects", "utc_ns", "valid_for_ms"]
+    BOOT_ID_FIELD_NUMBER: _ClassVar[int]
     CAUSE_FIELD_NUMBER: _ClassVar[int]
     CONFIG_SHA256_FIELD_NUMBER: _ClassVar[int]
     EXCLUDED_SATELLITES_FIELD_NUMBER: _ClassVar[int]
@@ -208,6 +221,7 @@ class Health(_message.Message):
     SUBJECTS_FIELD_NUMBER: _ClassVar[int]
     UTC_NS_FIELD_NUMBER: _ClassVar[int]
     VALID_FOR_MS_FIELD_NUMBER: _ClassVar[int]
+    boot_id: bytes
     cause: Cause
     config_sha256: str
     excluded_satellites: _containers.RepeatedScalarFieldContainer[str]
@@ -223,7 +237,17 @@ class Health(_message.Message):
     subjects: _containers.RepeatedScalarFieldContainer[str]
     utc_ns: int
     valid_for_ms: int
-    def __init__(self, site: _Optional[str] = ..., sequence: _Optional[int] = ..., gps_time_ns: _Optional[int] = ..., utc_ns: _Optional[int] = ..., issued_mono_ns: _Optional[int] = ..., valid_for_ms: _Optional[int] = ..., state: _Optional[_Union[State, str]] = ..., cause: _Optional[_Union[Cause, str]] = ..., subjects: _Optional[_Iterable[str]] = ..., reasons: _Optional[_Iterable[str]] = ..., not_monitored: _Optional[_Iterable[str]] = ..., monitored: _Optional[_Iterable[str]] = ..., excluded_satellites: _Optional[_Iterable[str]] = ..., config_sha256: _Optional[str] = ..., software: _Optional[str] = ...) -> None: ...
+    def __init__(self, site: _Optional[str] = ..., boot_id: _Optional[bytes] = ..., sequence: _Optional[int] = ..., gps_time_ns: _Optional[int] = ..., utc_ns: _Optional[int] = ..., issued_mono_ns: _Optional[int] = ..., valid_for_ms: _Optional[int] = ..., state: _Optional[_Union[State, str]] = ..., cause: _Optional[_Union[Cause, str]] = ..., subjects: _Optional[_Iterable[str]] = ..., reasons: _Optional[_Iterable[str]] = ..., not_monitored: _Optional[_Iterable[str]] = ..., monitored: _Optional[_Iterable[str]] = ..., excluded_satellites: _Optional[_Iterable[str]] = ..., config_sha256: _Optional[str] = ..., software: _Optional[str] = ...) -> None: ...
+
+class InputLost(_message.Message):
+    __slots__ = ["chunks", "mono_ns", "receiver"]
+    CHUNKS_FIELD_NUMBER: _ClassVar[int]
+    MONO_NS_FIELD_NUMBER: _ClassVar[int]
+    RECEIVER_FIELD_NUMBER: _ClassVar[int]
+    chunks: int
+    mono_ns: int
+    receiver: str
+    def __init__(self, mono_ns: _Optional[int] = ..., receiver: _Optional[str] = ..., chunks: _Optional[int] = ...) -> None: ...
 
 class Ionosphere(_message.Message):
     __slots__ = ["alpha", "beta", "mono_ns"]
@@ -242,6 +266,16 @@ class LastClean(_message.Message):
     e_enu_m: _containers.RepeatedScalarFieldContainer[float]
     gps_ns: int
     def __init__(self, gps_ns: _Optional[int] = ..., e_enu_m: _Optional[_Iterable[float]] = ...) -> None: ...
+
+class NavigationPage(_message.Message):
+    __slots__ = ["data", "number", "satellite"]
+    DATA_FIELD_NUMBER: _ClassVar[int]
+    NUMBER_FIELD_NUMBER: _ClassVar[int]
+    SATELLITE_FIELD_NUMBER: _ClassVar[int]
+    data: bytes
+    number: int
+    satellite: str
+    def __init__(self, satellite: _Optional[str] = ..., number: _Optional[int] = ..., data: _Optional[bytes] = ...) -> None: ...
 
 class Observations(_message.Message):
     __slots__ = ["carrier_cycles", "cn0_dbhz", "doppler_hz", "half_cycle", "lock_s", "mono_ns", "pseudorange_m", "receive_time_ns", "receiver", "signal", "slip"]
@@ -277,6 +311,48 @@ class PendingEpoch(_message.Message):
     rows: _containers.RepeatedCompositeFieldContainer[Observations]
     def __init__(self, epoch_ns: _Optional[int] = ..., rows: _Optional[_Iterable[_Union[Observations, _Mapping]]] = ...) -> None: ...
 
+class ReceiverStatus(_message.Message):
+    __slots__ = ["agc", "antenna", "fix_ok", "height_m", "jamming", "lat_rad", "lon_rad", "model", "spoofing"]
+    AGC_FIELD_NUMBER: _ClassVar[int]
+    ANTENNA_FIELD_NUMBER: _ClassVar[int]
+    FIX_OK_FIELD_NUMBER: _ClassVar[int]
+    HEIGHT_M_FIELD_NUMBER: _ClassVar[int]
+    JAMMING_FIELD_NUMBER: _ClassVar[int]
+    LAT_RAD_FIELD_NUMBER: _ClassVar[int]
+    LON_RAD_FIELD_NUMBER: _ClassVar[int]
+    MODEL_FIELD_NUMBER: _ClassVar[int]
+    SPOOFING_FIELD_NUMBER: _ClassVar[int]
+    agc: float
+    antenna: int
+    fix_ok: bool
+    height_m: float
+    jamming: int
+    lat_rad: float
+    lon_rad: float
+    model: str
+    spoofing: int
+    def __init__(self, model: _Optional[str] = ..., fix_ok: bool = ..., lat_rad: _Optional[float] = ..., lon_rad: _Optional[float] = ..., height_m: _Optional[float] = ..., jamming: _Optional[int] = ..., spoofing: _Optional[int] = ..., antenna: _Optional[int] = ..., agc: _Optional[float] = ...) -> None: ...
+
+class ReceptionMemory(_message.Message):
+    __slots__ = ["bad_frames", "last_row_ns", "pages", "pending", "receiver", "skipped_bytes", "status", "told"]
+    BAD_FRAMES_FIELD_NUMBER: _ClassVar[int]
+    LAST_ROW_NS_FIELD_NUMBER: _ClassVar[int]
+    PAGES_FIELD_NUMBER: _ClassVar[int]
+    PENDING_FIELD_NUMBER: _ClassVar[int]
+    RECEIVER_FIELD_NUMBER: _ClassVar[int]
+    SKIPPED_BYTES_FIELD_NUMBER: _ClassVar[int]
+    STATUS_FIELD_NUMBER: _ClassVar[int]
+    TOLD_FIELD_NUMBER: _ClassVar[int]
+    bad_frames: int
+    last_row_ns: int
+    pages: _containers.RepeatedCompositeFieldContainer[NavigationPage]
+    pending: bytes
+    receiver: str
+    skipped_bytes: int
+    status: ReceiverStatus
+    told: _containers.RepeatedCompositeFieldContainer[Ephemeris]
+    def __init__(self, receiver: _Optional[str] = ..., pending: _Optional[bytes] = ..., pages: _Optional[_Iterable[_Union[NavigationPage, _Mapping]]] = ..., told: _Optional[_Iterable[_Union[Ephemeris, _Mapping]]] = ..., last_row_ns: _Optional[int] = ..., status: _Optional[_Union[ReceiverStatus, _Mapping]] = ..., bad_frames: _Optional[int] = ..., skipped_bytes: _Optional[int] = ...) -> None: ...
+
 class Residual(_message.Message):
     __slots__ = ["b_m", "sigmas", "signal", "used"]
     B_M_FIELD_NUMBER: _ClassVar[int]
@@ -289,8 +365,50 @@ class Residual(_message.Message):
     used: bool
     def __init__(self, signal: _Optional[str] = ..., used: bool = ..., sigmas: _Optional[float] = ..., b_m: _Optional[_Iterable[float]] = ...) -> None: ...
 
+class SignedChallengeReply(_message.Message):
+    __slots__ = ["key_id", "reply", "signature"]
+    KEY_ID_FIELD_NUMBER: _ClassVar[int]
+    REPLY_FIELD_NUMBER: _ClassVar[int]
+    SIGNATURE_FIELD_NUMBER: _ClassVar[int]
+    key_id: bytes
+    reply: bytes
+    signature: bytes
+    def __init__(self, reply: _Optional[bytes] = ..., key_id: _Optional[bytes] = ..., signature: _Optional[bytes] = ...) -> None: ...
+
+class SignedHealth(_message.Message):
+    __slots__ = ["health", "key_id", "signature"]
+    HEALTH_FIELD_NUMBER: _ClassVar[int]
+    KEY_ID_FIELD_NUMBER: _ClassVar[int]
+    SIGNATURE_FIELD_NUMBER: _ClassVar[int]
+    health: bytes
+    key_id: bytes
+    signature: bytes
+    def __init__(self, health: _Optional[bytes] = ..., key_id: _Optional[bytes] = ..., signature: _Optional[bytes] = ...) -> None: ...
+
+class SiteInfo(_message.Message):
+    __slots__ = ["boot_id", "config_sha256", "frame", "frame_epoch", "key_id", "radius_m", "site", "software", "triangle"]
+    BOOT_ID_FIELD_NUMBER: _ClassVar[int]
+    CONFIG_SHA256_FIELD_NUMBER: _ClassVar[int]
+    FRAME_EPOCH_FIELD_NUMBER: _ClassVar[int]
+    FRAME_FIELD_NUMBER: _ClassVar[int]
+    KEY_ID_FIELD_NUMBER: _ClassVar[int]
+    RADIUS_M_FIELD_NUMBER: _ClassVar[int]
+    SITE_FIELD_NUMBER: _ClassVar[int]
+    SOFTWARE_FIELD_NUMBER: _ClassVar[int]
+    TRIANGLE_FIELD_NUMBER: _ClassVar[int]
+    boot_id: bytes
+    config_sha256: str
+    frame: str
+    frame_epoch: float
+    key_id: bytes
+    radius_m: float
+    site: str
+    software: str
+    triangle: _containers.RepeatedCompositeFieldContainer[SurveyedPoint]
+    def __init__(self, site: _Optional[str] = ..., frame: _Optional[str] = ..., frame_epoch: _Optional[float] = ..., triangle: _Optional[_Iterable[_Union[SurveyedPoint, _Mapping]]] = ..., radius_m: _Optional[float] = ..., key_id: _Optional[bytes] = ..., software: _Optional[str] = ..., config_sha256: _Optional[str] = ..., boot_id: _Optional[bytes] = ...) -> None: ...
+
 class Snapshot(_message.Message):
-    __slots__ = ["aligned_ns", "cause", "clean_epochs", "clean_since_ns", "dropped", "ephemerides", "exclusions", "heard_ns", "ionosphere", "last_clean", "last_epoch_ns", "mono_ns", "pending", "receiver", "refused_ephemerides", "sequence", "signal", "silence_told", "state", "streams", "streams_epoch_ns", "subjects"]
+    __slots__ = ["aligned_ns", "cause", "clean_epochs", "clean_since_ns", "dropped", "ephemerides", "exclusions", "heard_ns", "ionosphere", "last_clean", "last_epoch_ns", "mono_ns", "pending", "receiver", "reception", "refused_ephemerides", "sequence", "signal", "silence_told", "state", "streams", "streams_epoch_ns", "subjects"]
     class DroppedEntry(_message.Message):
         __slots__ = ["key", "value"]
         KEY_FIELD_NUMBER: _ClassVar[int]
@@ -319,6 +437,7 @@ class Snapshot(_message.Message):
     MONO_NS_FIELD_NUMBER: _ClassVar[int]
     PENDING_FIELD_NUMBER: _ClassVar[int]
     RECEIVER_FIELD_NUMBER: _ClassVar[int]
+    RECEPTION_FIELD_NUMBER: _ClassVar[int]
     REFUSED_EPHEMERIDES_FIELD_NUMBER: _ClassVar[int]
     SEQUENCE_FIELD_NUMBER: _ClassVar[int]
     SIGNAL_FIELD_NUMBER: _ClassVar[int]
@@ -341,6 +460,7 @@ class Snapshot(_message.Message):
     mono_ns: int
     pending: _containers.RepeatedCompositeFieldContainer[PendingEpoch]
     receiver: _containers.RepeatedScalarFieldContainer[str]
+    reception: _containers.RepeatedCompositeFieldContainer[ReceptionMemory]
     refused_ephemerides: int
     sequence: int
     signal: _containers.RepeatedScalarFieldContainer[str]
@@ -349,21 +469,25 @@ class Snapshot(_message.Message):
     streams: _containers.RepeatedCompositeFieldContainer[StreamMemory]
     streams_epoch_ns: int
     subjects: _containers.RepeatedScalarFieldContainer[str]
-    def __init__(self, mono_ns: _Optional[int] = ..., receiver: _Optional[_Iterable[str]] = ..., signal: _Optional[_Iterable[str]] = ..., streams_epoch_ns: _Optional[int] = ..., streams: _Optional[_Iterable[_Union[StreamMemory, _Mapping]]] = ..., pending: _Optional[_Iterable[_Union[PendingEpoch, _Mapping]]] = ..., last_epoch_ns: _Optional[int] = ..., heard_ns: _Optional[_Mapping[str, int]] = ..., aligned_ns: _Optional[int] = ..., dropped: _Optional[_Mapping[str, int]] = ..., refused_ephemerides: _Optional[int] = ..., ionosphere: _Optional[_Union[Ionosphere, _Mapping]] = ..., ephemerides: _Optional[_Iterable[_Union[Ephemeris, _Mapping]]] = ..., exclusions: _Optional[_Iterable[_Union[Exclusion, _Mapping]]] = ..., state: _Optional[_Union[State, str]] = ..., cause: _Optional[_Union[Cause, str]] = ..., subjects: _Optional[_Iterable[str]] = ..., clean_since_ns: _Optional[int] = ..., clean_epochs: _Optional[int] = ..., sequence: _Optional[int] = ..., last_clean: _Optional[_Union[LastClean, _Mapping]] = ..., silence_told: bool = ...) -> None: ...
+    def __init__(self, mono_ns: _Optional[int] = ..., receiver: _Optional[_Iterable[str]] = ..., signal: _Optional[_Iterable[str]] = ..., streams_epoch_ns: _Optional[int] = ..., streams: _Optional[_Iterable[_Union[StreamMemory, _Mapping]]] = ..., pending: _Optional[_Iterable[_Union[PendingEpoch, _Mapping]]] = ..., last_epoch_ns: _Optional[int] = ..., heard_ns: _Optional[_Mapping[str, int]] = ..., aligned_ns: _Optional[int] = ..., dropped: _Optional[_Mapping[str, int]] = ..., refused_ephemerides: _Optional[int] = ..., ionosphere: _Optional[_Union[Ionosphere, _Mapping]] = ..., ephemerides: _Optional[_Iterable[_Union[Ephemeris, _Mapping]]] = ..., exclusions: _Optional[_Iterable[_Union[Exclusion, _Mapping]]] = ..., state: _Optional[_Union[State, str]] = ..., cause: _Optional[_Union[Cause, str]] = ..., subjects: _Optional[_Iterable[str]] = ..., clean_since_ns: _Optional[int] = ..., clean_epochs: _Optional[int] = ..., sequence: _Optional[int] = ..., last_clean: _Optional[_Union[LastClean, _Mapping]] = ..., silence_told: bool = ..., reception: _Optional[_Iterable[_Union[ReceptionMemory, _Mapping]]] = ...) -> None: ...
 
 class Started(_message.Message):
-    __slots__ = ["config_sha256", "gps_time_ns", "site", "site_toml", "software"]
+    __slots__ = ["boot_id", "config_sha256", "gps_time_ns", "mono_ns", "site", "site_toml", "software"]
+    BOOT_ID_FIELD_NUMBER: _ClassVar[int]
     CONFIG_SHA256_FIELD_NUMBER: _ClassVar[int]
     GPS_TIME_NS_FIELD_NUMBER: _ClassVar[int]
+    MONO_NS_FIELD_NUMBER: _ClassVar[int]
     SITE_FIELD_NUMBER: _ClassVar[int]
     SITE_TOML_FIELD_NUMBER: _ClassVar[int]
     SOFTWARE_FIELD_NUMBER: _ClassVar[int]
+    boot_id: bytes
     config_sha256: str
     gps_time_ns: int
+    mono_ns: int
     site: str
     site_toml: str
     software: str
-    def __init__(self, site: _Optional[str] = ..., software: _Optional[str] = ..., config_sha256: _Optional[str] = ..., site_toml: _Optional[str] = ..., gps_time_ns: _Optional[int] = ...) -> None: ...
+    def __init__(self, site: _Optional[str] = ..., software: _Optional[str] = ..., config_sha256: _Optional[str] = ..., site_toml: _Optional[str] = ..., gps_time_ns: _Optional[int] = ..., mono_ns: _Optional[int] = ..., boot_id: _Optional[bytes] = ...) -> None: ...
 
 class StreamMemory(_message.Message):
     __slots__ = ["cn0_baseline_dbhz", "last_seen_ns", "pseudorange_m"]
@@ -374,6 +498,18 @@ class StreamMemory(_message.Message):
     last_seen_ns: _containers.RepeatedScalarFieldContainer[int]
     pseudorange_m: _containers.RepeatedScalarFieldContainer[float]
     def __init__(self, last_seen_ns: _Optional[_Iterable[int]] = ..., pseudorange_m: _Optional[_Iterable[float]] = ..., cn0_baseline_dbhz: _Optional[_Iterable[float]] = ...) -> None: ...
+
+class SurveyedPoint(_message.Message):
+    __slots__ = ["receiver", "x_m", "y_m", "z_m"]
+    RECEIVER_FIELD_NUMBER: _ClassVar[int]
+    X_M_FIELD_NUMBER: _ClassVar[int]
+    Y_M_FIELD_NUMBER: _ClassVar[int]
+    Z_M_FIELD_NUMBER: _ClassVar[int]
+    receiver: str
+    x_m: float
+    y_m: float
+    z_m: float
+    def __init__(self, receiver: _Optional[str] = ..., x_m: _Optional[float] = ..., y_m: _Optional[float] = ..., z_m: _Optional[float] = ...) -> None: ...
 
 class Tick(_message.Message):
     __slots__ = ["mono_ns", "utc_ns", "utc_uncertainty_ns"]
