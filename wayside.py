@@ -1,4 +1,4 @@
-"""The command line: composes the commands of the station and of recordings, and turns errors into exit codes.
+"""The command line: composes the commands of the station, the client and recordings, and turns errors into exit codes.
 
 0 fine; 1 failed; 2 usage or configuration; 3 an integrity alert and `--fail-on alert`; 4 input unreadable; 5 link or hardware;
 130 interrupted. stdout is data, stderr is talk.
@@ -9,10 +9,12 @@ import sys
 
 import typer
 
-from integrity.errors import ConfigError, DecodeError, RecordingError, WaysideError
+from integrity.errors import ConfigError, DecodeError, LinkError, RecordingError, WaysideError
 from recordings.cli import commands as recordings_commands
 from recordings.cli import recording_commands
+from recordings.keys_cli import commands as keys_commands
 from station.cli import commands as station_commands
+from train_client.cli import commands as train_client_commands
 
 app = typer.Typer(
     no_args_is_help=True,
@@ -22,6 +24,8 @@ app = typer.Typer(
 app.add_typer(station_commands, name="station")
 app.add_typer(recordings_commands)
 app.add_typer(recording_commands, name="recording")
+app.add_typer(train_client_commands)
+app.add_typer(keys_commands, name="keys")
 
 
 def main() -> None:
@@ -40,6 +44,8 @@ def run(arguments: list[str]) -> int:
         return _refused(error, 2)
     except (DecodeError, RecordingError) as error:
         return _refused(error, 4)
+    except LinkError as error:
+        return _refused(error, 5)
     except WaysideError as error:
         return _refused(error, 1)
     except FileNotFoundError as error:

@@ -1,41 +1,49 @@
-"""From events to aligned epochs: the stateful, cheap first step. Keeps epochs and ticks in the order in which they were completed.
+"""From measurements to aligned epochs: stateful and cheap. Keeps epochs and interruptions in the order in which they were completed.
 
 An aligned epoch is one row of every receiver at one nominal time. A row too far from a nominal time, a second row for the same
 time, and a row whose time has passed are dropped and counted; rows that never find their partners are dropped when a later epoch
-is complete.
+is complete. Two rows of one receiver for one time that do not say the same are two receivers on one link: nothing is normal then.
 """
 
 from collections import Counter
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 
-from integrity.events import EphemerisReceived, Event, IonosphereReceived, ObservationsReceived, Tick
+from integrity.events import EphemerisReceived, Heard, InputLost, IonosphereReceived, ObservationsReceived, StatusReceived, Tick
 from integrity.gnss.atmosphere import Klobuchar
 from integrity.gnss.ephemeris import EphemerisStore
-from integrity.gnss.observations import ObservationRow
+from integrity.gnss.observations import ObservationRow, same_measurements
+from integrity.gnss.receiver_status import ReceiverStatus
 from integrity.limits import Limits
 
 MOST_PENDING_EPOCHS = 64  # of receivers whose times never meet
 
+UNALIGNED = "no epoch common to all receivers"
+
+Statuses = tuple[tuple[str, ReceiverStatus], ...]  # by receiver, those that have said something
+
 
 @dataclass(frozen=True)
 class AlignedEpoch:
-    """Rows in the order of the receivers, complete at `mono_ns`; `arrived` ephemerides and the ionosphere known by then."""
+    """Rows in the order of the receivers, complete at `mono_ns`; `arrived` ephemerides, ionosphere and hearsay known by then."""
 
     epoch_ns: int
     mono_ns: int
     rows: tuple[ObservationRow, ...]
     arrived: int
     klobuchar: Klobuchar | None
+    statuses: Statuses = ()
 
 
 @dataclass(frozen=True)
-class Silence:
-    """At `mono_ns` receivers are, or have been, silent; none named when all send but share no epoch."""
+class Interruption:
+    """At `mono_ns` receivers are silent, or their bytes cannot be relied on, and why; none named when all send but share no epoch."""
 
     mono_ns: int
     receivers: tuple[str, ...]
     last_epoch_ns: int | None
+    why: str
+    statuses: Statuses = ()
 
 
 @dataclass(frozen=True)
@@ -50,6 +58,8 @@ class AssemblerState:
     klobuchar: Klobuchar | None = None
     dropped: tuple[tuple[str, int], ...] = ()
     refused_ephemerides: int = 0
+    last_rows: tuple[ObservationRow, ...] = ()
+    statuses: Statuses = ()
 
 
 class Assembler:
@@ -65,6 +75,8 @@ class Assembler:
         self._klobuchar = state.klobuchar
         self.dropped = Counter(dict(state.dropped))
         self._refused_ephemerides = state.refused_ephemerides
+        self._last_rows: Mapping[str, ObservationRow] = {row.receiver: row for row in state.last_rows}
+        self._statuses = state.statuses
 
     def state(self) -> AssemblerState:
         """For a snapshot."""
@@ -77,6 +89,8 @@ class Assembler:
             klobuchar=self._klobuchar,
             dropped=tuple(sorted(self.dropped.items())),
             refused_ephemerides=self._refused_ephemerides,
+            last_rows=tuple(self._last_rows.values()),
+            statuses=self._statuses,
         )
 
     @property
@@ -86,9 +100,9 @@ class Assembler:
         known = [t for t in heard if t is not None]
         return min(known) + self._limits.silence_ns if known else None
 
-    def take(self, events: Iterable[Event]) -> list[AlignedEpoch | Silence]:
-        """Epochs and silences, in the order in which the events complete them."""
-        out: list[AlignedEpoch | Silence] = []
+    def take(self, events: Iterable[Heard]) -> list[AlignedEpoch | Interruption]:
+        """Epochs and interruptions, in the order in which the events complete them."""
+        out: list[AlignedEpoch | Interruption] = []
         for event in events:
             match event:
                 case ObservationsReceived():
@@ -103,9 +117,14 @@ class Assembler:
                 case IonosphereReceived():
                     if event.klobuchar.plausible():
                         self._klobuchar = event.klobuchar
+                case StatusReceived():
+                    self._hearsay(event)
+                case InputLost():
+                    lost = f"overloaded: bytes of {event.receiver} were lost"
+                    out.append(self._interruption(event.mono_ns, (event.receiver,), lost))
         return out
 
-    def _observations(self, event: ObservationsReceived) -> list[AlignedEpoch | Silence]:
+    def _observations(self, event: ObservationsReceived) -> list[AlignedEpoch | Interruption]:
         row = event.row
         if row.receiver not in self._receivers:
             self.dropped[row.receiver] += 1
@@ -115,37 +134,53 @@ class Assembler:
         epoch_ns = nominal_epoch_ns(row.receive_time_ns, self._interval_ns)
         off_grid = abs(row.receive_time_ns - epoch_ns) > self._limits.alignment_tolerance_ns
         past = self.last_epoch_ns is not None and epoch_ns <= self.last_epoch_ns
-        rows = self._pending.get(epoch_ns, {})
+        rows = self._last_rows if epoch_ns == self.last_epoch_ns else self._pending.get(epoch_ns, {})
         if off_grid or past or row.receiver in rows:
             self.dropped[row.receiver] += 1
+            if row.receiver in rows and not off_grid and not same_measurements(rows[row.receiver], row):
+                why = f"{row.receiver} measured twice at one time, differently: two receivers on one link?"
+                return [self._interruption(event.mono_ns, (row.receiver,), why)]
             return []
-        self._pending[epoch_ns] = rows | {row.receiver: row}
+        self._pending[epoch_ns] = {**rows, row.receiver: row}
         if len(rows) + 1 < len(self._receivers):
             if len(self._pending) > MOST_PENDING_EPOCHS:
                 self._give_up(next(iter(self._pending)))
             return []
+        return self._completed(epoch_ns, event.mono_ns)
+
+    def _completed(self, epoch_ns: int, mono_ns: int) -> list[AlignedEpoch | Interruption]:
         complete = self._pending.pop(epoch_ns)
         for earlier in [t for t in self._pending if t < epoch_ns]:
             self._give_up(earlier)
-        gap: list[AlignedEpoch | Silence] = []
-        silent = self._aligned_ns is not None and event.mono_ns - self._aligned_ns > self._limits.silence_ns
+        gap: list[AlignedEpoch | Interruption] = []
+        silent = self._aligned_ns is not None and mono_ns - self._aligned_ns > self._limits.silence_ns
         if silent and not self._silence_told:
-            gap = [Silence(event.mono_ns, (), self.last_epoch_ns)]  # no tick came to notice it
-        self.last_epoch_ns, self._aligned_ns, self._silence_told = epoch_ns, event.mono_ns, False
+            gap = [self._interruption(mono_ns, (), UNALIGNED)]  # no tick came to notice it
+        self.last_epoch_ns, self._aligned_ns, self._silence_told, self._last_rows = epoch_ns, mono_ns, False, complete
         rows_in_order = tuple(complete[r] for r in self._receivers)
-        return [*gap, AlignedEpoch(epoch_ns, event.mono_ns, rows_in_order, len(self._store.ephemerides), self._klobuchar)]
+        arrived = len(self._store)
+        return [*gap, AlignedEpoch(epoch_ns, mono_ns, rows_in_order, arrived, self._klobuchar, self._statuses)]
 
     def _give_up(self, epoch_ns: int) -> None:
         self.dropped.update(self._pending.pop(epoch_ns).keys())
 
-    def _tick(self, tick: Tick) -> list[AlignedEpoch | Silence]:
+    def _hearsay(self, event: StatusReceived) -> None:
+        before = dict(self._statuses)
+        after = before | {event.receiver: before.get(event.receiver, ReceiverStatus()).updated(event.status)}
+        if event.receiver in self._receivers and after != before:
+            self._statuses = tuple(sorted(after.items()))
+
+    def _tick(self, tick: Tick) -> list[AlignedEpoch | Interruption]:
         self._start_listening(tick.mono_ns)
         silent = tuple(r for r in self._receivers if tick.mono_ns - self._heard_ns[r] > self._limits.silence_ns)
         unaligned = self._aligned_ns is not None and tick.mono_ns - self._aligned_ns > self._limits.silence_ns
         if not (silent or unaligned):
             return []
         self._silence_told = True
-        return [Silence(tick.mono_ns, silent, self.last_epoch_ns)]
+        return [self._interruption(tick.mono_ns, silent, f"silent: {', '.join(silent)}" if silent else UNALIGNED)]
+
+    def _interruption(self, mono_ns: int, receivers: tuple[str, ...], why: str) -> Interruption:
+        return Interruption(mono_ns, receivers, self.last_epoch_ns, why, self._statuses)
 
     def _start_listening(self, mono_ns: int) -> None:
         """A receiver that was never heard is silent from the first event on, not from the beginning of time."""

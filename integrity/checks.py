@@ -5,10 +5,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from integrity.config import SiteConfig
+from integrity.exclusion import SatelliteStatistics
 from integrity.gnss.observations import Bools, Floats
 from integrity.gnss.positioning import Points, Solution, positions
 from integrity.limits import Limits
-from integrity.monitors.residuals import b_values_m, known_point_residuals, normalised_b_values, seen_by_all, worst
+from integrity.monitors.residuals import worst
 from integrity.monitors.streams import missing_satellites, second_worst
 from integrity.monitors.triangles import TriangleStatistics, Variances, triangle_statistics, variances
 from integrity.sight import Sight
@@ -32,9 +33,16 @@ class BlockChecks:
 
 
 def check(
-    sight: Sight, used: Bools, streams: StreamStatistics, points: Points, triangle: ReferenceTriangle, site: SiteConfig, limits: Limits
+    sight: Sight,
+    used: Bools,
+    shown: SatelliteStatistics,
+    streams: StreamStatistics,
+    points: Points,
+    triangle: ReferenceTriangle,
+    site: SiteConfig,
+    limits: Limits,
 ) -> BlockChecks:
-    """All checks of a block on the satellites `used` (E, S)."""
+    """All checks of a block on the satellites `used` (E, S), which make the satellites show `shown`."""
     s = sight.satellites
     solution = positions(
         sight.block,
@@ -47,9 +55,6 @@ def check(
         s.system_of,
         s.n_systems,
     )
-    known = known_point_residuals(s.prefit_m, s.sigma_m, used, s.system_of, s.n_systems)
-    residual_sigmas = seen_by_all(known.normalised)
-    b_sigmas = np.abs(normalised_b_values(known.residual_m, s.sigma_differential_m)).max(axis=1)
     var = variances(solution.cov_enu_m2, site.integrity)
     of_triangle = triangle_statistics(solution.e_enu_m, var, triangle)
     statistics = {f"circle_{name}": of_triangle.circle_m[:, r] for r, name in enumerate(site.receiver_names)} | {
@@ -60,9 +65,9 @@ def check(
         "shape": of_triangle.shape,
         "shape_3d": of_triangle.shape_3d,
         "collapse": of_triangle.collapse,
-        "residual": worst(residual_sigmas, used),
-        "b_value": worst(b_sigmas, used),
+        "residual": worst(shown.residual_sigmas, used),
+        "b_value": worst(np.abs(shown.b_sigmas).max(axis=1), used),
         "cn0": second_worst(streams.cn0_drop_db),
         "loss": second_worst(streams.lost_share),
     }
-    return BlockChecks(used, solution, var, of_triangle, judge(statistics, limits), residual_sigmas, b_values_m(known.residual_m))
+    return BlockChecks(used, solution, var, of_triangle, judge(statistics, limits), shown.residual_sigmas, shown.b_m)

@@ -15,3 +15,7 @@ class ConfigError(WaysideError):
 
 class RecordingError(WaysideError):
     """A recording that is cut, damaged, or of an unknown schema."""
+
+
+class LinkError(WaysideError):
+    """A link or a device does not do what it should."""

@@ -70,3 +70,4 @@ class Tick:
 
 Decoded = ObservationsReceived | EphemerisReceived | IonosphereReceived | StatusReceived
 Event = RawBytes | InputLost | ObservationsReceived | EphemerisReceived | IonosphereReceived | Tick
+Heard = Decoded | InputLost | Tick  # an event after its bytes were decoded

@@ -24,7 +24,14 @@ import numpy as np
 
 from integrity.gnss.observations import Bools, Floats, Ints
 from integrity.limits import Limits
-from integrity.monitors.residuals import known_point_residuals, normalised_b_values, seen_by_all, without_lone_satellites, worst
+from integrity.monitors.residuals import (
+    b_values_m,
+    known_point_residuals,
+    normalised_b_values,
+    seen_by_all,
+    without_lone_satellites,
+    worst,
+)
 
 
 @dataclass(frozen=True)
@@ -63,10 +70,19 @@ class SatelliteInputs(NamedTuple):
             screened=self.screened[s],
         )
 
-    def statistics(self, used: Bools) -> tuple[Floats, Floats]:
-        """Residual statistic (E, S) and normalised B-values (E, R, S) with clocks from the satellites `used`."""
+    def statistics(self, used: Bools) -> "SatelliteStatistics":
+        """What the satellites show, with clocks from those `used` (E, S)."""
         known = known_point_residuals(self.prefit_m, self.sigma_m, used, self.system_of, self.n_systems)
-        return seen_by_all(known.normalised), normalised_b_values(known.residual_m, self.sigma_differential_m)
+        b_m = b_values_m(known.residual_m)
+        return SatelliteStatistics(seen_by_all(known.normalised), b_m, normalised_b_values(b_m, self.sigma_differential_m))
+
+
+class SatelliteStatistics(NamedTuple):
+    """`residual_sigmas` (E, S), the normalised residual that all receivers share; B-values `b_m` and, in sigmas, `b_sigmas` (E, R, S)."""
+
+    residual_sigmas: Floats
+    b_m: Floats
+    b_sigmas: Floats
 
 
 @dataclass(frozen=True)
@@ -90,11 +106,21 @@ class Walk(NamedTuple):
 
 
 def walk(
-    table: Table, inputs: SatelliteInputs, receivers: tuple[str, ...], satellites: tuple[str, ...], epoch_ns: Ints, limits: Limits
+    table: Table,
+    inputs: SatelliteInputs,
+    on_screened: SatelliteStatistics,
+    receivers: tuple[str, ...],
+    satellites: tuple[str, ...],
+    epoch_ns: Ints,
+    limits: Limits,
 ) -> Walk:
-    """Screening with memory: for each epoch of the block, which satellites are used. Epochs without a suspect cost nothing."""
-    statistic, b = inputs.statistics(inputs.screened)
-    quiet = (worst(statistic, inputs.screened) <= limits["residual"]) & (worst(np.abs(b).max(axis=1), inputs.screened) <= limits["b_value"])
+    """Screening with memory: for each epoch of the block, which satellites are used. Epochs without a suspect cost nothing.
+
+    `on_screened` is what the satellites show when all that were screened are used.
+    """
+    worst_residual = worst(on_screened.residual_sigmas, inputs.screened)
+    worst_b = worst(np.abs(on_screened.b_sigmas).max(axis=1), inputs.screened)
+    quiet = (worst_residual <= limits["residual"]) & (worst_b <= limits["b_value"])
     used = np.array(inputs.screened)
     tables: list[Table] = []
     channels: list[tuple[Channel, ...]] = []
@@ -127,7 +153,7 @@ def _epoch(
     left_out = _failing_channels(inputs, used, receivers, satellites, limits)
     newly = _failing_satellites(inputs, used & ~np.isin(satellites, [c.satellite for c in left_out]), satellites, gps_ns, limits)
     used = without_lone_satellites(used & ~np.isin(satellites, list(newly)), inputs.system_of, inputs.n_systems)
-    statistic, _ = inputs.statistics(used)
+    statistic = inputs.statistics(used).residual_sigmas
     after: dict[str, Exclusion] = {}
     for satellite, exclusion in table.items():
         columns = [i for i, s in enumerate(satellites) if s == satellite and inputs.screened[0, i] and np.isfinite(statistic[0, i])]
@@ -144,7 +170,7 @@ def _failing_channels(
     """The worst B-value first, clocks estimated again after each; nothing unless one channel per receiver explains all."""
     channels: list[Channel] = []
     for _ in range(len(receivers)):
-        statistic, b = inputs.statistics(used)
+        statistic, _, b = inputs.statistics(used)
         sizes = np.where(used[0] & np.isfinite(b[0]), np.abs(b[0]), -np.inf)
         if sizes.max(initial=-np.inf) <= limits["b_value"]:
             return tuple(channels)
@@ -154,7 +180,7 @@ def _failing_channels(
             return ()
         channels.append(Channel(receivers[r], satellites[s], float(sizes[r, s]), limits["b_value"]))
         used = without_lone_satellites(used & ~np.isin(satellites, [satellites[s]]), inputs.system_of, inputs.n_systems)
-    statistic, b = inputs.statistics(used)
+    b = inputs.statistics(used).b_sigmas
     return tuple(channels) if worst(np.abs(b).max(axis=1), used)[0] <= limits["b_value"] else ()
 
 
@@ -179,7 +205,7 @@ def _failing_satellites(
     """
     failing: dict[str, Exclusion] = {}
     for _ in range(limits.max_exclusions_per_epoch):
-        statistic, b = inputs.statistics(used)
+        statistic, _, b = inputs.statistics(used)
         if not used.any() or worst(statistic, used)[0] <= limits["residual"]:
             return failing
         suspect = int(np.argmax(np.where(used[0] & np.isfinite(statistic[0]), statistic[0], -np.inf)))
@@ -194,5 +220,5 @@ def _failing_satellites(
         satellite = satellites[suspect]
         failing[satellite] = Exclusion(satellite, gps_ns, "residual", float(statistic[0, suspect]), limits["residual"])
         used = without_lone_satellites(used & ~np.isin(satellites, [satellite]), inputs.system_of, inputs.n_systems)
-    statistic, _ = inputs.statistics(used)
+    statistic = inputs.statistics(used).residual_sigmas
     return failing if worst(statistic, used)[0] <= limits["residual"] else {}

@@ -8,6 +8,7 @@ Section numbers are those of the project's notes on ground integrity; "own choic
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from functools import cached_property
 from math import exp, log, sqrt
 
 import numpy as np
@@ -15,6 +16,7 @@ import numpy as np
 from integrity.config import SiteConfig
 from integrity.errors import ConfigError
 from integrity.gnss.gps_time import NS_PER_S
+from integrity.gnss.observations import Bools, Floats
 from integrity.probability import chi2_quantile, detectable_noncentrality, gauss_quantile, tail_for_alarm_rate
 from integrity.triangle import ReferenceTriangle
 
@@ -64,6 +66,23 @@ class Limits:
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "by_name", {t.name: t for t in self.thresholds})
+        for array in (self.values, self.required):
+            array.setflags(write=False)
+
+    @cached_property
+    def names(self) -> tuple[str, ...]:
+        """Of all checks, (C,)."""
+        return tuple(t.name for t in self.thresholds)
+
+    @cached_property
+    def values(self) -> Floats:
+        """Thresholds of all checks, (C,)."""
+        return np.array([t.value for t in self.thresholds])
+
+    @cached_property
+    def required(self) -> Bools:
+        """Which checks must have a result, (C,)."""
+        return np.array([t.required for t in self.thresholds])
 
     def __getitem__(self, name: str) -> float:
         """The threshold of a check."""

@@ -48,7 +48,7 @@ class EpochReport:
     @property
     def not_monitored(self) -> tuple[str, ...]:
         """Checks that had no input."""
-        return tuple(n for n, o in zip(self.check_names, self.outcome, strict=True) if o == Outcome.NOT_MONITORED)
+        return tuple(self.check_names[c] for c in np.flatnonzero(self.outcome == Outcome.NOT_MONITORED))
 
     @property
     def excluded(self) -> tuple[str, ...]:

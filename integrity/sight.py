@@ -41,7 +41,7 @@ def observe(
 ) -> Sight:
     """Block, satellite states, residuals at the surveyed points, sigmas, screening. All epochs share one set of ionospheric terms."""
     block = build_block(site.receiver_names, [x.epoch_ns for x in epochs], [x.rows for x in epochs], remembered_signals)
-    ephemerides = tuple(store.ephemerides)
+    ephemerides = store.ephemerides
     index = store.choose(block.satellites, block.epoch_ns, np.array([x.arrived for x in epochs]))
     states = satellite_states(ephemerides, index, state_time_ns(block.epoch_ns))
     at_points = prefit(block, states, points, epochs[0].klobuchar)

@@ -4,11 +4,12 @@
 chance: live and replay call it with the same events and get the same decisions, however the stream is cut into calls.
 
 The way of a block of epochs:
-  1. `assembler`      events become aligned epochs and silences
+  0. `reception`      bytes become measurements, ephemerides, and what receivers say of themselves
+  1. `assembler`      measurements become aligned epochs and interruptions
   2. `sight`          satellite states, residuals at the surveyed points, sigmas, screening
   3. `exclusion`      walk A, with memory: which satellites are used in each epoch
   4. `checks`         positions on those satellites, every statistic, every check
-  5. `_epoch`         walk B, with memory: verdict and health, epoch by epoch, silence by silence
+  5. `_epoch`         walk B, with memory: verdict and health, epoch by epoch, interruption by interruption
 """
 
 from collections.abc import Callable, Iterable, Sequence
@@ -16,19 +17,21 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from integrity.assembler import AlignedEpoch, Assembler, AssemblerState, Silence
+from integrity.assembler import AlignedEpoch, Assembler, AssemblerState, Interruption
 from integrity.checks import BlockChecks, check
 from integrity.config import SiteConfig
 from integrity.events import Event
-from integrity.exclusion import Exclusion, Table, Walk, walk, without_channels
+from integrity.exclusion import Exclusion, SatelliteStatistics, Table, Walk, walk, without_channels
 from integrity.gnss.ephemeris import Ephemeris, EphemerisStore
 from integrity.gnss.observations import Bools
 from integrity.gnss.positioning import points_at
 from integrity.health import Health, after_epoch, after_silence
+from integrity.hearsay import remarks
 from integrity.limits import derive
 from integrity.monitors.triangles import suspects, swapped_receivers
 from integrity.naming import LastClean, named_receiver
 from integrity.outputs import Alert, EpochReport, HealthReport, Output
+from integrity.reception import Reception, ReceptionMemory
 from integrity.sight import Sight, observe
 from integrity.states import Cause, State
 from integrity.stream_memory import StreamMemory, StreamStatistics, advance
@@ -43,6 +46,7 @@ class Snapshot:
     """Everything a monitor remembers. A new monitor that starts from it decides exactly as the old one would have."""
 
     streams: StreamMemory
+    reception: tuple[ReceptionMemory, ...] = ()
     assembler: AssemblerState = field(default_factory=AssemblerState)
     ephemerides: tuple[Ephemeris, ...] = ()
     exclusions: tuple[Exclusion, ...] = ()
@@ -78,6 +82,7 @@ class StationMonitor:
         self.limits = derive(site, self.triangle)
         self._points = points_at(self.triangle.pos_ecef_m)
         self._store = EphemerisStore(start.ephemerides)
+        self._reception = Reception(site.receiver_names, start.reception)
         self._assembler = Assembler(site.receiver_names, site.epoch_interval_ns, self.limits, start.assembler, self._store)
         self._exclusions: Table = {x.satellite: x for x in start.exclusions}
         self._last_clean = start.last_clean
@@ -91,12 +96,13 @@ class StationMonitor:
             self._store.forget_before(self._assembler.last_epoch_ns)
         outputs: list[Output] = []
         run: list[AlignedEpoch] = []
-        for item in self._assembler.take(events):
-            if run and (isinstance(item, Silence) or item.klobuchar != run[0].klobuchar or len(run) == MOST_EPOCHS_PER_BLOCK):
+        heard = (decoded for event in events for decoded in self._reception.take(event))
+        for item in self._assembler.take(heard):
+            if run and (isinstance(item, Interruption) or item.klobuchar != run[0].klobuchar or len(run) == MOST_EPOCHS_PER_BLOCK):
                 outputs += self._block(run)
                 run = []
-            if isinstance(item, Silence):
-                outputs += self._silence(item)
+            if isinstance(item, Interruption):
+                outputs += self._interruption(item)
             else:
                 run.append(item)
         return outputs + self._block(run) if run else outputs
@@ -115,6 +121,7 @@ class StationMonitor:
         """The whole state, as values."""
         return Snapshot(
             streams=self._streams,
+            reception=self._reception.memories(),
             assembler=self._assembler.state(),
             ephemerides=tuple(self._store.ephemerides),
             exclusions=tuple(self._exclusions.values()),
@@ -127,13 +134,15 @@ class StationMonitor:
         remembered = self._streams.signals_since(epochs[0].epoch_ns - self.limits.remember_satellite_ns)
         sight = observe(epochs, self._store, self._points, self.site, self.limits, remembered)
         self._streams, streams = advance(self._streams, sight.block, sight.at_points.el_rad, sight.healthy, self.limits)
-        walked = self._walk(sight)
+        screened = sight.satellites.screened
+        on_screened = sight.satellites.statistics(screened)
+        walked = self._walk(sight, on_screened)
         self._exclusions = walked.table
 
         def checked(used: Bools) -> BlockChecks:
-            return check(sight, used, streams, self._points, self.triangle, self.site, self.limits)
+            shown = on_screened if used is screened else sight.satellites.statistics(used)
+            return check(sight, used, shown, streams, self._points, self.triangle, self.site, self.limits)
 
-        screened = sight.satellites.screened
         alone = checked(screened)
         full = alone if np.array_equal(walked.used, screened) else checked(walked.used)
         walked, full = _leave_out_channels(sight, walked, full, checked)
@@ -141,11 +150,12 @@ class StationMonitor:
         decided = _Decided(sight, streams, walked, full, alone, clean, clean_alone, suspects(full.triangle, self.limits))
         return [output for e, epoch in enumerate(epochs) for output in self._epoch(decided, e, epoch)]
 
-    def _walk(self, sight: Sight) -> Walk:
+    def _walk(self, sight: Sight, on_screened: SatelliteStatistics) -> Walk:
         if self.site.integrity.rule == "triangle":
             n = len(sight.block.epoch_ns)
             return Walk(sight.satellites.screened, [{}] * n, [()] * n, {})
-        return walk(self._exclusions, sight.satellites, sight.block.receivers, sight.block.satellites, sight.block.epoch_ns, self.limits)
+        block = sight.block
+        return walk(self._exclusions, sight.satellites, on_screened, block.receivers, block.satellites, block.epoch_ns, self.limits)
 
     def _epoch(self, decided: _Decided, e: int, epoch: AlignedEpoch) -> list[Output]:
         exclusions = tuple(sorted(decided.walked.tables[e].values(), key=lambda x: x.satellite))
@@ -178,7 +188,7 @@ class StationMonitor:
         )
         monitored = tuple(s for s, used in zip(report.signals, report.used, strict=True) if used)
         left_out = tuple(f"{c.satellite} left out: {c.receiver} differs, B {c.statistic:.3g} > {c.threshold:.3g}" for c in report.channels)
-        reasons = verdict.reasons + left_out
+        reasons = verdict.reasons + left_out + remarks(epoch.statuses, self.triangle)
         health = self._health_report(epoch.epoch_ns, epoch.mono_ns, reasons, report.not_monitored, monitored, report.excluded)
         return [report, health, *self._alerts(before, epoch.epoch_ns, epoch.mono_ns, reasons)]
 
@@ -211,13 +221,13 @@ class StationMonitor:
         )
         return full_verdict(full.checks, e, evidence, self.site.integrity.on_satellite_fault)
 
-    def _silence(self, silent: Silence) -> list[Output]:
-        why = f"silent: {', '.join(silent.receivers)}" if silent.receivers else "no epoch common to all receivers"
-        verdict = Verdict(State.NOT_CONFIRMABLE, Cause.DATA, silent.receivers, reasons=(why,))
+    def _interruption(self, interrupted: Interruption) -> list[Output]:
+        reasons = (interrupted.why, *remarks(interrupted.statuses, self.triangle))
+        verdict = Verdict(State.NOT_CONFIRMABLE, Cause.DATA, interrupted.receivers, reasons=reasons)
         before, self._health = self._health, after_silence(self._health, verdict)
-        gps_ns, mono_ns = silent.last_epoch_ns, silent.mono_ns
-        health = self._health_report(gps_ns, mono_ns, verdict.reasons, (), (), tuple(sorted(self._exclusions)))
-        return [health, *self._alerts(before, gps_ns, mono_ns, verdict.reasons)]
+        gps_ns, mono_ns = interrupted.last_epoch_ns, interrupted.mono_ns
+        health = self._health_report(gps_ns, mono_ns, reasons, (), (), tuple(sorted(self._exclusions)))
+        return [health, *self._alerts(before, gps_ns, mono_ns, reasons)]
 
     def _health_report(
         self,

@@ -44,6 +44,8 @@ class StreamMemory:
 
     def on(self, signals: tuple[str, ...]) -> "StreamMemory":
         """The same memory for another list of signals: new ones were never seen, those not listed are forgotten."""
+        if signals == self.signals:
+            return self
         column = {s: i for i, s in enumerate(self.signals)}
         source = [column.get(s, -1) for s in signals]  # -1: the extra last column, "never"
         n = len(self.last_seen_ns)

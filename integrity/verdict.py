@@ -6,6 +6,7 @@ UNKNOWN: NORMAL is reached only where there is none.
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
@@ -60,15 +61,15 @@ class Evidence(NamedTuple):
 
 def judge(statistics: Mapping[str, Floats], limits: Limits) -> Checks:
     """Outcomes of all checks of a block. NaN does not pass: UNKNOWN where the check is required, NOT_MONITORED where it is not."""
-    names = tuple(t.name for t in limits.thresholds)
-    statistic = np.stack([statistics[name] for name in names], axis=-1)
-    threshold = np.array([t.value for t in limits.thresholds])
-    absent = np.array([Outcome.UNKNOWN if t.required else Outcome.NOT_MONITORED for t in limits.thresholds])
-    passed = np.asarray(statistic <= threshold)
-    outcome = np.where(passed, Outcome.PASS, np.where(np.isnan(statistic), absent, Outcome.FAIL))
+    names, threshold = limits.names, limits.values
+    statistic = np.array([statistics[name] for name in names]).T
+    absent = np.where(limits.required, int(Outcome.UNKNOWN), int(Outcome.NOT_MONITORED))
+    passed = statistic <= threshold
+    outcome = np.where(passed, int(Outcome.PASS), np.where(np.isnan(statistic), absent, int(Outcome.FAIL)))
     return Checks(names, statistic, threshold, outcome)
 
 
+@lru_cache(maxsize=8)
 def considered(names: tuple[str, ...], rule: Rule) -> Bools:
     """Which checks a rule looks at (C,): all of them, or those of the reference triangle alone."""
     if rule == "full":
@@ -78,7 +79,7 @@ def considered(names: tuple[str, ...], rule: Rule) -> Bools:
 
 def clean_epochs(checks: Checks, rule: Rule) -> Bools:
     """Epochs (E,) without a FAIL or UNKNOWN among the checks of the rule."""
-    fine = (checks.outcome < Outcome.UNKNOWN) | ~considered(checks.names, rule)
+    fine = (checks.outcome < int(Outcome.UNKNOWN)) | ~considered(checks.names, rule)
     result: Bools = np.all(fine, axis=-1)
     return result
 

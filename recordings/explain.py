@@ -1,6 +1,7 @@
 """A replay in words: one calm line per change, then the evidence."""
 
 from collections import Counter
+from collections.abc import Sequence
 
 from integrity.gnss.gps_time import format_utc
 from integrity.states import Cause, State
@@ -69,6 +70,15 @@ def _why(episode: dict[str, object]) -> str:
     if episode["statistic"] is None:
         return f"{WORDS[cause]}{who}"
     return f"{WORDS[cause]}{who}; {episode['check']} {episode['statistic']:.4g} > {episode['threshold']:.4g}"
+
+
+def changed(state: State, cause: Cause, subjects: Sequence[str], reasons: Sequence[str]) -> str:
+    """One change of the published state, on a line; at most two of the reasons, with the number of the others."""
+    if state is State.NORMAL:
+        return str(state)
+    who = f" ({', '.join(subjects)})" if subjects else ""
+    shown = list(reasons[:2]) + [f"{len(reasons) - 2} more reasons"] * (len(reasons) > 2)
+    return "; ".join([f"{state:<17}  {WORDS[cause]}{who}", *shown])
 
 
 def _clock(utc: str | None) -> str:

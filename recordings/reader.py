@@ -15,24 +15,33 @@ from zstandard import ZstdError
 
 from integrity.errors import DecodeError, RecordingError
 from integrity.messages.inputs import parsed
-from recordings.channels import ENCODING, PROFILE, TOPICS
+from recordings.channels import ENCODING, PROFILE, RAW_ENCODING, is_raw, message_type, receiver_of
 
 
 @dataclass(frozen=True)
 class Entry:
-    """One recorded message and its log time (UTC, ns)."""
+    """One recorded message, or bytes of a receiver as they came, and its log time (UTC, ns)."""
 
     topic: str
     log_ns: int
-    message: Message
+    message: Message | bytes
+
+    @property
+    def data(self) -> bytes:
+        """As it stands in the file."""
+        if isinstance(self.message, bytes):
+            return self.message
+        data: bytes = self.message.SerializeToString(deterministic=True)
+        return data
 
 
 @dataclass(frozen=True)
 class Contents:
-    """A recording in memory. `damage` says in words what was found wrong; empty for a whole file."""
+    """A recording in memory. `damage` says in words what was found wrong; empty for a whole file. `receivers` have channels in it."""
 
     path: Path
     metadata: dict[str, dict[str, str]]
+    receivers: tuple[str, ...]
     entries: tuple[Entry, ...]
     damage: str
     skipped_chunks: int
@@ -79,7 +88,7 @@ def salvage(path: Path) -> Contents:
         damage.append(f"{promised} messages were written, {len(entries)} can be found")
     if not entries:
         raise RecordingError(f"{path}: {'; '.join(damage) or 'no message of Wayside in it'}; nothing to decide")
-    return Contents(path, metadata, tuple(entries), "; ".join(dict.fromkeys(damage)), skipped)
+    return Contents(path, metadata, topics.receivers, tuple(entries), "; ".join(dict.fromkeys(damage)), skipped)
 
 
 def _records(file: BinaryIO, path: Path, damage: list[str]) -> Iterator[object]:
@@ -108,7 +117,7 @@ class _Topics:
     def __init__(self, path: Path) -> None:
         self._path = path
         self._schema_name: dict[int, str] = {}
-        self._topic: dict[int, str] = {}
+        self._channel: dict[int, tuple[str, type[Message] | None]] = {}
 
     def entries(self, chunk: Chunk) -> list[Entry]:
         """Messages of a chunk, its checksum verified."""
@@ -118,17 +127,27 @@ class _Topics:
                 self._schema_name[record.id] = record.name
             elif isinstance(record, Channel):
                 self._check(record)
-                self._topic[record.id] = record.topic
+                self._channel[record.id] = (record.topic, message_type(record.topic))
             elif isinstance(record, McapMessage):
-                topic = self._topic[record.channel_id]
-                found.append(Entry(topic, record.log_time, parsed(TOPICS[topic], record.data)))
+                topic, kind = self._channel[record.channel_id]
+                found.append(Entry(topic, record.log_time, record.data if kind is None else parsed(kind, record.data)))
         return found
 
+    @property
+    def receivers(self) -> tuple[str, ...]:
+        """Of the channels met so far."""
+        return tuple(dict.fromkeys(receiver for topic, _ in self._channel.values() if (receiver := receiver_of(topic)) is not None))
+
     def _check(self, channel: Channel) -> None:
-        known = TOPICS.get(channel.topic)
+        kind = message_type(channel.topic)
         schema = self._schema_name.get(channel.schema_id)
-        if known is None or channel.message_encoding != ENCODING or schema != known.DESCRIPTOR.full_name:
+        if is_raw(channel.topic):
+            known = channel.message_encoding == RAW_ENCODING and channel.schema_id == 0
+        else:
+            known = kind is not None and channel.message_encoding == ENCODING and schema == kind.DESCRIPTOR.full_name
+        if not known:
+            holds = schema or "bytes"
             raise RecordingError(
-                f"{self._path}: topic {channel.topic} holds {schema} ({channel.message_encoding}), which this version does not know; "
+                f"{self._path}: topic {channel.topic} holds {holds} ({channel.message_encoding}), which this version does not know; "
                 "read it with the program that wrote it, a newer Wayside or another one"
             )

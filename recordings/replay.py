@@ -13,16 +13,18 @@ from pathlib import Path
 from integrity import SOFTWARE
 from integrity.assembler import nominal_epoch_ns
 from integrity.errors import ConfigError, DecodeError, RecordingError
-from integrity.events import Event, ObservationsReceived, Tick
+from integrity.events import Event, ObservationsReceived, RawBytes, Tick
 from integrity.gnss.gps_time import NS_PER_S, format_calendar, gps_from_utc, parse_utc
 from integrity.health import Health
 from integrity.messages import wayside_pb2 as pb
-from integrity.messages.inputs import decode_event, encode_event
+from integrity.messages.fixes import location_fixes
+from integrity.messages.inputs import decode_event
 from integrity.messages.outputs import encode_output
 from integrity.messages.snapshots import decode_snapshot, encode_snapshot
 from integrity.outputs import Output
+from integrity.reception import Reception
 from integrity.station_monitor import Snapshot, StationMonitor
-from recordings.channels import INPUTS
+from recordings.channels import is_input, receiver_of
 from recordings.reader import Contents, Entry, salvage
 from recordings.site_file import SiteFile, parse_site
 from recordings.toml_file import format_toml
@@ -33,12 +35,21 @@ SNAPSHOT_EVERY_NS = 3600 * NS_PER_S
 
 
 @dataclass(frozen=True)
+class Boot:
+    """The station that recorded: what it called itself when it started, and UTC minus its monotonic clock."""
+
+    boot_id: bytes
+    offset_ns: int
+
+
+@dataclass(frozen=True)
 class Replayable:
-    """What a recording asks to be decided: its site, the memory it starts from, its events."""
+    """What a recording asks to be decided: its site, the memory it starts from, its events; and which station it was, if one ran."""
 
     site: SiteFile
     snapshot: Snapshot | None
     events: tuple[Event, ...]
+    boot: Boot | None
 
 
 def started(contents: Contents) -> pb.Started:
@@ -73,17 +84,31 @@ def replayable(contents: Contents, site: SiteFile | None = None, start_ns: int |
     head = contents.entries[first].message
     try:
         snapshot = decode_snapshot(head) if isinstance(head, pb.Snapshot) else None
-        events = _events(contents.entries[first:], end_ns)
+        events = _events(contents, first, end_ns)
     except DecodeError as error:
         raise RecordingError(f"{contents.path}: {error}; expected what a Wayside wrote: record or import it again") from None
     if snapshot is not None and chosen.config.config_sha256 != own.config.config_sha256:
         snapshot = replace(snapshot, exclusions=(), last_clean=None, health=Health())
-    return Replayable(chosen, snapshot, events)
+    boot_id = started(contents).boot_id
+    return Replayable(chosen, snapshot, events, Boot(boot_id, _offset_ns(contents)) if boot_id else None)
 
 
-def _events(entries: Sequence[Entry], end_ns: int | None) -> tuple[Event, ...]:
-    inputs = (entry for entry in entries if entry.topic in INPUTS)
-    return tuple(decode_event(entry.message) for entry in inputs if end_ns is None or gps_from_utc(entry.log_ns) < end_ns)
+def _offset_ns(contents: Contents) -> int:
+    """Log time minus monotonic time, the same for the whole recording."""
+    return contents.entries[0].log_ns - started(contents).mono_ns
+
+
+def _events(contents: Contents, first: int, end_ns: int | None) -> tuple[Event, ...]:
+    """Inputs from an entry on; bytes of receivers arrived at their log time."""
+    offset_ns = _offset_ns(contents)
+
+    def event(entry: Entry) -> Event:
+        if isinstance(entry.message, bytes):
+            return RawBytes(entry.log_ns - offset_ns, receiver_of(entry.topic) or "", entry.message)
+        return decode_event(entry.message)
+
+    inputs = (entry for entry in contents.entries[first:] if is_input(entry.topic))
+    return tuple(event(entry) for entry in inputs if end_ns is None or gps_from_utc(entry.log_ns) < end_ns)
 
 
 def recorded_drops(contents: Contents) -> dict[str, dict[str, int]]:
@@ -102,8 +127,12 @@ def decide(
     snapshot: Snapshot | None = None,
     block_epochs: int = DEFAULT_BLOCK_EPOCHS,
     writer: RecordingWriter | None = None,
+    boot_id: bytes = b"",
 ) -> tuple[list[Output], StationMonitor]:
-    """Feed events to a new monitor, `block_epochs` epochs at a time; record them and what comes out where a writer is given."""
+    """Feed events to a new monitor, `block_epochs` epochs at a time; record them and what comes out where a writer is given.
+
+    `boot_id` is of the station that decided first, and stands in the health recorded.
+    """
     monitor = StationMonitor(site.config, snapshot)
     outputs: list[Output] = []
     next_snapshot_ns: int | None = None
@@ -115,7 +144,7 @@ def decide(
         decided = monitor.feed(batch)
         outputs += decided
         if writer is not None:
-            _record(writer, site, batch, decided)
+            _record(writer, site, monitor, batch, decided, boot_id)
     return outputs, monitor
 
 
@@ -126,19 +155,39 @@ def decide_and_record(
     metadata: Mapping[str, Mapping[str, str]],
     snapshot: Snapshot | None = None,
     watch: Callable[[Sequence[Event]], Iterable[Event]] = iter,
+    boot: Boot | None = None,
 ) -> tuple[list[Output], StationMonitor]:
-    """A new recording of events and of what is decided on them; deterministic bytes. `watch` hands the events on and may say so."""
+    """A new recording of events and of what is decided on them; deterministic bytes. `watch` hands the events on and may say so.
+
+    `boot` is the station that decided on them first, where one did: times are then recorded as it had them.
+    """
     if not events:
         raise RecordingError(f"{path}: there is nothing to record")
     first = events[0]
-    gps_ns = next((gps_from_utc(e.utc_ns) - (e.mono_ns - first.mono_ns) for e in events if isinstance(e, Tick)), first.mono_ns)
-    with RecordingWriter(path, SOFTWARE, gps_ns, first.mono_ns, metadata) as writer:
-        config = site.config
-        head = pb.Started(
-            site=config.site_id, software=SOFTWARE, config_sha256=config.config_sha256, site_toml=redacted(site.text), gps_time_ns=gps_ns
-        )
-        writer.write(head, first.mono_ns)
-        return decide(site, watch(events), snapshot, block_epochs=60, writer=writer)
+    gps_ns = gps_from_utc(first.mono_ns + boot.offset_ns) if boot else _gps_of_first(events)
+    boot_id = boot.boot_id if boot else b""
+    with RecordingWriter(path, SOFTWARE, gps_ns, first.mono_ns, metadata, site.config.receiver_names) as writer:
+        writer.write(head(site, gps_ns, first.mono_ns, boot_id), first.mono_ns)
+        return decide(site, watch(events), snapshot, block_epochs=60, writer=writer, boot_id=boot_id)
+
+
+def _gps_of_first(events: Sequence[Event]) -> int:
+    """GPS time of the first event by the first tick; without one, of an import, whose monotonic time is GPS time."""
+    first = events[0]
+    return next((gps_from_utc(e.utc_ns) - (e.mono_ns - first.mono_ns) for e in events if isinstance(e, Tick)), first.mono_ns)
+
+
+def head(site: SiteFile, gps_ns: int, mono_ns: int, boot_id: bytes) -> pb.Started:
+    """The first message of a recording."""
+    return pb.Started(
+        site=site.config.site_id,
+        software=SOFTWARE,
+        config_sha256=site.config.config_sha256,
+        site_toml=redacted(site.text),
+        gps_time_ns=gps_ns,
+        mono_ns=mono_ns,
+        boot_id=boot_id,
+    )
 
 
 def redacted(site_toml: str) -> str:
@@ -172,7 +221,7 @@ def span_utc(contents: Contents) -> tuple[str, str]:
 
 
 def _batches(events: Iterable[Event], rows: int) -> Iterator[list[Event]]:
-    """Cut after each `rows` rows of observations and the ticks that follow them."""
+    """Cut after each `rows` rows of observations, or pieces of bytes, and the ticks that follow them."""
     batch: list[Event] = []
     count = 0
     for event in events:
@@ -180,27 +229,37 @@ def _batches(events: Iterable[Event], rows: int) -> Iterator[list[Event]]:
             yield batch
             batch, count = [], 0
         batch.append(event)
-        count += isinstance(event, ObservationsReceived)
+        count += isinstance(event, ObservationsReceived | RawBytes)
     if batch:
         yield batch
 
 
-def _record(writer: RecordingWriter, site: SiteFile, batch: Sequence[Event], decided: Sequence[Output]) -> None:
+def _record(
+    writer: RecordingWriter, site: SiteFile, monitor: StationMonitor, batch: Sequence[Event], decided: Sequence[Output], boot_id: bytes
+) -> None:
     """Inputs in the order in which they were decided, each output after the input that completed it."""
-    waiting = iter(decided)
+    messages = [encode_output(output, site.config, SOFTWARE) for output in decided]
+    reports = [message for message in messages if isinstance(message, pb.EpochReport)]
+    fixes = iter(location_fixes(reports, monitor.triangle, site.config.site_id))
+    waiting = zip(decided, messages, strict=True)
     due = next(waiting, None)
     for event, following in zip_longest(batch, batch[1:]):
-        writer.write(encode_event(event), event.mono_ns)
-        while due is not None and (following is None or due.mono_ns < following.mono_ns):
-            writer.write(encode_output(due, site.config, SOFTWARE), event.mono_ns)
+        writer.write_event(event)
+        while due is not None and (following is None or due[0].mono_ns < following.mono_ns):
+            message = due[1]
+            writer.write(message, event.mono_ns)
+            for fix in next(fixes) if isinstance(message, pb.EpochReport) else ():
+                writer.write(fix, event.mono_ns)
             due = next(waiting, None)
 
 
 def first_epoch_ns(todo: Replayable) -> int:
     """GPS time of the first row of observations."""
+    reception = Reception(todo.site.config.receiver_names, todo.snapshot.reception if todo.snapshot else ())
     for event in todo.events:
-        if isinstance(event, ObservationsReceived):
-            return nominal_epoch_ns(event.row.receive_time_ns, todo.site.config.epoch_interval_ns)
+        for heard in reception.take(event):
+            if isinstance(heard, ObservationsReceived):
+                return nominal_epoch_ns(heard.row.receive_time_ns, todo.site.config.epoch_interval_ns)
     raise RecordingError("no observations in the recording: there is nothing to inject into")
 
 
@@ -219,9 +278,9 @@ def complaints(contents: Contents) -> list[str]:
 def recover(path: Path, output: Path) -> Contents:
     """Copy every message that can still be read to a new, whole recording; the same bytes as the original for a whole one."""
     contents = salvage(path)
-    head = started(contents)
+    software = started(contents).software
     first_ns = contents.entries[0].log_ns
-    with RecordingWriter(output, head.software, gps_from_utc(first_ns), first_ns, contents.metadata) as writer:
+    with RecordingWriter(output, software, gps_from_utc(first_ns), first_ns, contents.metadata, contents.receivers) as writer:
         for entry in contents.entries:
-            writer.write(entry.message, entry.log_ns)
+            writer.add(entry.topic, entry.data, entry.log_ns)
     return contents

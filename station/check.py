@@ -9,7 +9,7 @@ from integrity.config import SiteConfig
 from integrity.errors import ConfigError
 from integrity.limits import Limits, Threshold, derive
 from integrity.triangle import ReferenceTriangle, reference_triangle
-from recordings.site_file import examine_site, missing_sources
+from recordings.site_file import SiteFile, examine_site, load_site, missing_sources
 from recordings.toml_file import ConfigProblems, Problem, TomlDocument, by_line, read_toml
 
 
@@ -52,6 +52,14 @@ def check_site(path: Path) -> CheckReport:
         limits = _limits(document, findings.config, triangle, errors)
         facts = SiteFacts(findings.config, _sides_m(triangle), _angles_deg(triangle), limits)
     return CheckReport(document.file, by_line(errors), findings.warnings, facts)
+
+
+def sound_site(path: Path) -> SiteFile:
+    """The site that a station runs with; ConfigProblems with everything that is wrong with the file."""
+    report = check_site(path)
+    if report.errors:
+        raise ConfigProblems(report.errors, report.warnings)
+    return load_site(path)
 
 
 def _limits(document: TomlDocument, config: SiteConfig, triangle: ReferenceTriangle, errors: list[Problem]) -> Limits | None:

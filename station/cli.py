@@ -1,17 +1,14 @@
 """Commands of the station."""
 
 import json
+import sys
+from datetime import UTC, datetime
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
 commands = typer.Typer(no_args_is_help=True, help="The station at the trackside.")
-
-
-@commands.callback()
-def _group() -> None:
-    """Keep `station` a group while it has one command."""
 
 
 @commands.command()
@@ -30,3 +27,33 @@ def check(
     print(json.dumps(to_json(report), indent=2) if as_json else render(report))
     if report.errors:
         raise typer.Exit(2)
+
+
+@commands.command()
+def run(site: Annotated[Path, typer.Argument(help="Site file (TOML).", show_default=False)]) -> None:
+    """Run the station: decide every epoch, publish signed health, record everything. Ends with SIGTERM or Ctrl-C.
+
+    Example: wayside station run site.toml
+    """
+    from station.check import sound_site
+    from station.runtime import run_station
+
+    run_station(sound_site(site), _say)
+
+
+@commands.command()
+def configure(site: Annotated[Path, typer.Argument(help="Site file (TOML).", show_default=False)]) -> None:
+    """Set the messages and the rate of the site's u-blox receivers, read everything back, and say what is not as it should be.
+
+    Example: wayside station configure site.toml
+    """
+    from station.check import sound_site
+    from station.configure import configure as set_receivers
+
+    set_receivers(sound_site(site), lambda receiver, line: _say(f"{receiver}: {line}"))
+
+
+def _say(line: str) -> None:
+    """To people: one line per change, on stderr; with the clock on a terminal, without it where a journal has its own."""
+    clock = f"{datetime.now(UTC):%H:%M:%S}  " if sys.stderr.isatty() else ""
+    print(f"{clock}{line}", file=sys.stderr, flush=True)

@@ -1,12 +1,13 @@
 """Broadcast orbits and clocks of GPS and Galileo: from ephemerides to satellite states, for a whole block at once.
 
-`Ephemeris` is one broadcast set; `EphemerisStore` keeps those that have arrived and chooses; `satellite_states` evaluates.
+`Ephemeris` is one broadcast set; `Ephemerides` are several side by side; `EphemerisStore` keeps those that have arrived and chooses;
+`satellite_states` evaluates.
 """
 
-from bisect import bisect_left, bisect_right
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
-from math import cos, isfinite, sin, sqrt
+from functools import cached_property
+from math import cos, inf, isfinite, sin, sqrt
 from typing import NamedTuple
 
 import numpy as np
@@ -123,7 +124,7 @@ class Parameters(NamedTuple):
     Omega_dot: Floats
     mu: Floats
     F_e_sqrt_a: Floats
-    toe_s: Floats  # since the first ephemeris' toe
+    toe_s: Floats  # from the common origin, as toc_s
     toc_s: Floats
 
 
@@ -146,13 +147,58 @@ class SatelliteStates:
         freeze(self)
 
 
-def parameters_of(ephemerides: Sequence[Ephemeris], origin_ns: int) -> Parameters:
-    """Ephemerides as columns, times in seconds from `origin_ns`; a row of NaN is appended, so that index -1 is "none"."""
-    rows = [_parameters(eph, origin_ns) for eph in ephemerides]
-    return Parameters(*np.array([*rows, (np.nan,) * len(Parameters._fields)]).T)
+class Ephemerides(tuple[Ephemeris, ...]):
+    """Ephemerides with what follows from them, computed once. Arrays of n + 1: the last entry, index -1, is "none"."""
+
+    @staticmethod
+    def of(sets: Sequence[Ephemeris]) -> "Ephemerides":
+        """The same sets; the same object where they are that already."""
+        return sets if isinstance(sets, Ephemerides) else Ephemerides(sets)
+
+    @cached_property
+    def columns(self) -> Floats:
+        """`Parameters` but for the times, (P - 2, n + 1)."""
+        return np.array([*(_timeless(eph) for eph in self), (np.nan,) * (len(Parameters._fields) - 2)]).T
+
+    @cached_property
+    def reference_ns(self) -> Ints:
+        """toe and toc, (2, n + 1)."""
+        return np.array([*((eph.toe_ns, eph.toc_ns) for eph in self), (0, 0)], dtype=np.int64).T
+
+    @cached_property
+    def usable(self) -> Bools:
+        """Which say healthy and promise an accuracy, (n + 1,)."""
+        return np.array([*(eph.healthy and eph.accuracy_m is not None for eph in self), False])
+
+    @cached_property
+    def accuracy_m(self) -> Floats:
+        """URA or SISA (n + 1,), m; NaN where nothing is promised."""
+        return np.array([*(np.nan if eph.accuracy_m is None else eph.accuracy_m for eph in self), np.nan])
+
+    @cached_property
+    def best_last(self) -> Ints:
+        """Indices by satellite, of each satellite the set that serves first last, (n,)."""
+        return np.array(sorted(range(len(self)), key=lambda k: _precedence(self[k])), dtype=np.int64)
+
+    @cached_property
+    def serving_ns(self) -> Ints:
+        """Reference time and half the fit interval in that order, (2, n)."""
+        return np.array([(self[k].toe_ns, round(self[k].fit_half_s * NS_PER_S)) for k in self.best_last], dtype=np.int64).reshape(-1, 2).T
+
+    @cached_property
+    def first_of(self) -> dict[str, int]:
+        """By satellite, where its sets begin in that order."""
+        first: dict[str, int] = {}
+        for place, k in enumerate(self.best_last):
+            first.setdefault(self[k].satellite, place)
+        return first
+
+    def parameters(self, origin_ns: int) -> Parameters:
+        """As columns, times in seconds from `origin_ns`."""
+        return Parameters(*self.columns, *((self.reference_ns - origin_ns) / NS_PER_S))
 
 
-def _parameters(eph: Ephemeris, origin_ns: int) -> tuple[float, ...]:
+def _timeless(eph: Ephemeris) -> tuple[float, ...]:
     """In the order of `Parameters`."""
     galileo = eph.satellite[0] == "E"
     mu, F = (GALILEO_MU_M3PS2, GALILEO_RELATIVITY_SPSQRTM) if galileo else (GPS_MU_M3PS2, GPS_RELATIVITY_SPSQRTM)
@@ -164,7 +210,6 @@ def _parameters(eph: Ephemeris, origin_ns: int) -> tuple[float, ...]:
         *(sin(eph.omega), cos(eph.omega), sin(eph.i0), cos(eph.i0)),
         *(eph.omega0 - EARTH_ROTATION_RADPS * (eph.toe_ns % WEEK_NS / NS_PER_S), eph.omega_dot - EARTH_ROTATION_RADPS),
         *(mu, F * eph.e * eph.sqrt_a),
-        *((eph.toe_ns - origin_ns) / NS_PER_S, (eph.toc_ns - origin_ns) / NS_PER_S),
     )
 
 
@@ -176,10 +221,10 @@ def satellite_states(ephemerides: Sequence[Ephemeris], index: Ints, t_ns: Ints) 
     """
     origin_ns = int(t_ns[0])
     t_s = ((t_ns - origin_ns) / NS_PER_S)[:, None]
-    columns = parameters_of(ephemerides, origin_ns)
+    columns = np.array(Ephemerides.of(ephemerides).parameters(origin_ns))
     out = np.empty((11, *index.shape))
     for few in slices(*index.shape):
-        out[:, few] = _evaluate(Parameters(*(column.take(index[few], mode="wrap") for column in columns)), t_s[few])
+        out[:, few] = _evaluate(Parameters(*columns.take(index[few], axis=1, mode="wrap")), t_s[few])
     return SatelliteStates(t_ns, out[0:3], out[3:6], out[6:9], out[9], out[10])
 
 
@@ -236,6 +281,11 @@ def _precedence(eph: Ephemeris) -> tuple[str, int, int, int, float, float]:
     return eph.satellite, eph.transmission_ns, eph.toe_ns, eph.issue, eph.m0, eph.af0
 
 
+def _end_ns(eph: Ephemeris) -> float:
+    """GPS time up to which a set may be used."""
+    return eph.toe_ns + eph.fit_half_s * NS_PER_S
+
+
 class EphemerisStore:
     """The ephemerides that have arrived, in order of arrival, and which of them serves a satellite at an epoch.
 
@@ -244,53 +294,56 @@ class EphemerisStore:
     """
 
     def __init__(self, arrived: Iterable[Ephemeris] = ()) -> None:
-        self._arrived = list(dict.fromkeys(arrived))
-        self._known = set(self._arrived)
+        self._arrived = dict.fromkeys(arrived)
+        self._ephemerides: Ephemerides | None = None  # side by side, once they are needed
+        self._first_end_ns = min((_end_ns(eph) for eph in self._arrived), default=inf)
+
+    def __len__(self) -> int:
+        return len(self._arrived)
 
     @property
-    def ephemerides(self) -> Sequence[Ephemeris]:
+    def ephemerides(self) -> Ephemerides:
         """In order of arrival; `len` of it is the count that a later `choose` takes as "arrived by then"."""
-        return self._arrived
+        if self._ephemerides is None:
+            self._ephemerides = Ephemerides(self._arrived)
+        return self._ephemerides
 
     def add(self, ephemeris: Ephemeris) -> None:
         """Keep an ephemeris; one that is already here changes nothing."""
-        if ephemeris not in self._known:
-            self._known.add(ephemeris)
-            self._arrived.append(ephemeris)
+        if ephemeris not in self._arrived:
+            self._arrived[ephemeris] = None
+            self._ephemerides = None
+            self._first_end_ns = min(self._first_end_ns, _end_ns(ephemeris))
 
     def forget_before(self, gps_ns: int) -> None:
         """Drop what no epoch at or after `gps_ns` can use. Call between blocks only: earlier counts of arrivals lose their meaning."""
-        self._arrived = [eph for eph in self._arrived if eph.toe_ns + eph.fit_half_s * NS_PER_S >= gps_ns]
-        self._known = set(self._arrived)
+        if self._first_end_ns < gps_ns:
+            self._arrived = {eph: None for eph in self._arrived if _end_ns(eph) >= gps_ns}
+            self._ephemerides = None
+            self._first_end_ns = min((_end_ns(eph) for eph in self._arrived), default=inf)
 
     def choose(self, satellites: Sequence[str], epoch_ns: Ints, arrived: Ints) -> Ints:
         """Index (E, S) into `ephemerides`, -1 for none; `arrived` (E,) is how many had arrived when each epoch was complete."""
-        best_last = sorted(range(len(self._arrived)), key=lambda k: _precedence(self._arrived[k]))
-        toe_ns = np.array([self._arrived[k].toe_ns for k in best_last], dtype=np.int64)
-        half_ns = np.array([self._arrived[k].fit_half_s * NS_PER_S for k in best_last], dtype=np.int64)
-        number = np.array(best_last, dtype=np.int64)
+        sets = self.ephemerides
+        number = sets.best_last
+        toe_ns, half_ns = sets.serving_ns
         serves = (np.abs(epoch_ns[:, None] - toe_ns) <= half_ns) & (arrived[:, None] > number)
-
-        names = [self._arrived[k].satellite for k in best_last]
-        index = np.full((len(epoch_ns), len(satellites)), -1, dtype=np.int64)
-        for s, satellite in enumerate(satellites):
-            first, end = bisect_left(names, satellite), bisect_right(names, satellite)
-            if first < end:
-                of_satellite = serves[:, first:end]
-                last = end - 1 - of_satellite[:, ::-1].argmax(axis=1)
-                index[:, s] = np.where(of_satellite.any(axis=1), number[last], -1)
+        places = np.where(serves, np.arange(len(number)), -1)
+        begins = list(sets.first_of.values())
+        last = np.maximum.reduceat(places, begins, axis=1) if begins else places  # of each satellite, (E, satellites of the sets)
+        chosen = np.append(np.where(last >= 0, number[last], -1) if begins else last, np.full((len(epoch_ns), 1), -1), axis=1)
+        group_of = {satellite: group for group, satellite in enumerate(sets.first_of)}
+        index: Ints = chosen[:, [group_of.get(s, -1) for s in satellites]]
         return index
 
 
 def usable(ephemerides: Sequence[Ephemeris], index: Ints) -> Bools:
     """Where the chosen ephemeris (E, S) says healthy and promises an accuracy; False where there is none."""
-    good = np.array([eph.healthy and eph.accuracy_m is not None for eph in ephemerides] + [False])
-    result: Bools = good[index]
+    result: Bools = Ephemerides.of(ephemerides).usable[index]
     return result
 
 
 def accuracy_m(ephemerides: Sequence[Ephemeris], index: Ints) -> Floats:
     """URA or SISA (E, S) in metres of the chosen ephemeris; NaN where there is none or it promises nothing."""
-    values = np.array([np.nan if eph.accuracy_m is None else eph.accuracy_m for eph in ephemerides] + [np.nan])
-    result: Floats = values[index]
+    result: Floats = Ephemerides.of(ephemerides).accuracy_m[index]
     return result

@@ -6,7 +6,7 @@ pseudorange does. Doppler, in hertz, is positive for an approaching satellite.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -30,8 +30,7 @@ def slices(n_epochs: int, width: int) -> list[slice]:
 
 def freeze(values: object) -> None:
     """Make every array in a frozen dataclass read-only; called from its `__post_init__`."""
-    for field in fields(values):  # type: ignore[arg-type]
-        value = getattr(values, field.name)
+    for value in vars(values).values():
         if isinstance(value, np.ndarray):
             value.setflags(write=False)
 
@@ -68,6 +67,12 @@ class ObservationRow:
 ROW_FLOATS = ("pseudorange_m", "carrier_cycles", "doppler_hz", "cn0_dbhz", "lock_s")
 ROW_FLAGS = ("slip", "half_cycle")
 ROW_ARRAYS = ROW_FLOATS + ROW_FLAGS
+
+
+def same_measurements(a: ObservationRow, b: ObservationRow) -> bool:
+    """Whether two rows say the same, to the last bit; NaN equals NaN."""
+    same = a.receive_time_ns == b.receive_time_ns and a.signals == b.signals
+    return same and all(getattr(a, name).tobytes() == getattr(b, name).tobytes() for name in ROW_ARRAYS)
 
 
 @dataclass(frozen=True, eq=False)

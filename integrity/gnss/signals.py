@@ -3,6 +3,8 @@
 A satellite is `G05` (system letter and number, as in RINEX 3). A signal is satellite and RINEX 3 observation code: `G05.1C`.
 """
 
+from functools import lru_cache
+
 SYSTEMS = ("G", "E")  # in the order of their clocks in every solution: GPS, Galileo
 SYSTEM_NAMES = {"G": "GPS", "E": "Galileo"}
 
@@ -20,6 +22,7 @@ def system_index(satellite: str) -> int:
     return SYSTEMS.index(satellite[0])
 
 
+@lru_cache(maxsize=1024)
 def preference(signal: str) -> tuple[str, int, str]:
     """Sort key: satellites by name, of each satellite the preferred signal first."""
     satellite, _, code = signal.partition(".")

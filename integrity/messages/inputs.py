@@ -1,4 +1,7 @@
-"""Events to messages and back. Decoding checks what the types cannot: lengths, names, finiteness of what must be finite."""
+"""Events to messages and back, but for raw bytes, which are recorded as they came.
+
+Decoding checks what the types cannot: lengths, names, finiteness of what must be finite.
+"""
 
 import math
 import re
@@ -9,7 +12,7 @@ from google.protobuf.message import DecodeError as ProtobufError
 from google.protobuf.message import Message
 
 from integrity.errors import DecodeError
-from integrity.events import EphemerisReceived, Event, IonosphereReceived, ObservationsReceived, Tick
+from integrity.events import EphemerisReceived, Event, InputLost, IonosphereReceived, ObservationsReceived, Tick
 from integrity.gnss.atmosphere import Klobuchar
 from integrity.gnss.ephemeris import Ephemeris
 from integrity.gnss.observations import ObservationRow
@@ -19,9 +22,14 @@ SIGNAL = re.compile(r"[A-Z]\d\d\.\d[A-Z]")
 _EPHEMERIS_FIELDS = tuple(f.name for f in fields(Ephemeris))
 
 
-def encode_event(event: Event) -> Message:
+Recorded = InputLost | ObservationsReceived | EphemerisReceived | IonosphereReceived | Tick
+
+
+def encode_event(event: Recorded) -> Message:
     """The message that records an event."""
     match event:
+        case InputLost():
+            return pb.InputLost(mono_ns=event.mono_ns, receiver=event.receiver, chunks=event.chunks)
         case ObservationsReceived():
             return encode_row(event.row, event.mono_ns)
         case EphemerisReceived():
@@ -40,6 +48,8 @@ def decode_event(message: Message) -> Event:
         return EphemerisReceived(message.mono_ns, decode_ephemeris(message))
     if isinstance(message, pb.Ionosphere):
         return IonosphereReceived(message.mono_ns, decode_ionosphere(message))
+    if isinstance(message, pb.InputLost):
+        return InputLost(message.mono_ns, message.receiver, message.chunks)
     if isinstance(message, pb.Tick):
         uncertainty_ns = message.utc_uncertainty_ns if message.HasField("utc_uncertainty_ns") else None
         return Tick(message.mono_ns, message.utc_ns, uncertainty_ns)

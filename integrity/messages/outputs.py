@@ -18,29 +18,22 @@ CAUSES = {cause: pb.CAUSE_UNSPECIFIED if cause is Cause.NONE else getattr(pb, ca
 OUTCOMES = {Outcome.PASS: pb.PASS, Outcome.NOT_MONITORED: pb.NOT_MONITORED, Outcome.UNKNOWN: pb.UNKNOWN, Outcome.FAIL: pb.FAIL}
 
 
-def encode_output(output: Output, site: SiteConfig, software: str) -> Message:
-    """The message that publishes or records an output."""
+def encode_output(output: Output, site: SiteConfig, software: str, boot_id: bytes = b"") -> Message:
+    """The message that publishes or records an output; `boot_id` is that of the running station, empty where none runs."""
     match output:
         case EpochReport():
             return encode_report(output)
         case HealthReport():
-            return encode_health(output, site, software)
+            return encode_health(output, site, software, boot_id)
         case Alert():
-            return pb.Alert(
-                gps_time_ns=output.gps_time_ns,
-                mono_ns=output.mono_ns,
-                before=STATES[output.before],
-                state=STATES[output.state],
-                cause=CAUSES[output.cause],
-                subjects=output.subjects,
-                reasons=output.reasons,
-            )
+            return encode_alert(output)
 
 
-def encode_health(health: HealthReport, site: SiteConfig, software: str) -> pb.Health:
+def encode_health(health: HealthReport, site: SiteConfig, software: str, boot_id: bytes = b"") -> pb.Health:
     """Health of one epoch or heartbeat."""
     return pb.Health(
         site=site.site_id,
+        boot_id=boot_id,
         sequence=health.sequence,
         gps_time_ns=health.gps_time_ns,
         utc_ns=None if health.gps_time_ns is None else utc_from_gps(health.gps_time_ns),
@@ -100,6 +93,19 @@ def encode_report(report: EpochReport) -> pb.EpochReport:
             b_m=b_m if all(math.isfinite(b) for b in b_m) else [],
         )
     return message
+
+
+def encode_alert(alert: Alert) -> pb.Alert:
+    """One change."""
+    return pb.Alert(
+        gps_time_ns=alert.gps_time_ns,
+        mono_ns=alert.mono_ns,
+        before=STATES[alert.before],
+        state=STATES[alert.state],
+        cause=CAUSES[alert.cause],
+        subjects=alert.subjects,
+        reasons=alert.reasons,
+    )
 
 
 def encode_exclusion(exclusion: Exclusion) -> pb.Exclusion:

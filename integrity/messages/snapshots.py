@@ -19,6 +19,7 @@ from integrity.messages.inputs import (
     encode_row,
 )
 from integrity.messages.outputs import CAUSES, STATES, encode_exclusion
+from integrity.messages.receptions import decode_reception, decode_status, encode_reception, encode_status
 from integrity.naming import LastClean
 from integrity.station_monitor import Snapshot
 from integrity.stream_memory import StreamMemory
@@ -56,6 +57,9 @@ def encode_snapshot(snapshot: Snapshot, receivers: tuple[str, ...], mono_ns: int
         clean_since_ns=health.clean_since_ns,
         clean_epochs=health.clean_epochs,
         sequence=snapshot.sequence,
+        reception=[encode_reception(m) for m in snapshot.reception],
+        status={receiver: encode_status(status) for receiver, status in assembler.statuses},
+        last_rows=[encode_row(row, 0) for row in assembler.last_rows],
     )
 
 
@@ -90,6 +94,8 @@ def decode_snapshot(message: pb.Snapshot) -> Snapshot:
         klobuchar=decode_ionosphere(message.ionosphere) if message.HasField("ionosphere") else None,
         dropped=tuple(sorted(message.dropped.items())),
         refused_ephemerides=message.refused_ephemerides,
+        last_rows=tuple(decode_row(row) for row in message.last_rows),
+        statuses=tuple(sorted((receiver, decode_status(status)) for receiver, status in message.status.items())),
     )
     last = message.last_clean
     n = len(message.receiver)
@@ -97,6 +103,7 @@ def decode_snapshot(message: pb.Snapshot) -> Snapshot:
         raise DecodeError(f"snapshot: {len(last.e_enu_m)} components of the last clean epoch, expected {3 * n}")
     return Snapshot(
         streams=streams,
+        reception=tuple(decode_reception(m) for m in message.reception),
         assembler=assembler,
         ephemerides=tuple(decode_ephemeris(e) for e in message.ephemerides),
         exclusions=tuple(_exclusion(x) for x in message.exclusions),

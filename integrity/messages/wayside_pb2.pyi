@@ -334,14 +334,21 @@ class ReceiverStatus(_message.Message):
     def __init__(self, model: _Optional[str] = ..., fix_ok: bool = ..., lat_rad: _Optional[float] = ..., lon_rad: _Optional[float] = ..., height_m: _Optional[float] = ..., jamming: _Optional[int] = ..., spoofing: _Optional[int] = ..., antenna: _Optional[int] = ..., agc: _Optional[float] = ...) -> None: ...
 
 class ReceptionMemory(_message.Message):
-    __slots__ = ["bad_frames", "last_row_ns", "pages", "pending", "receiver", "skipped_bytes", "status", "told"]
+    __slots__ = ["bad_frames", "last_row_ns", "pages", "pending", "receiver", "skipped_bytes", "status_mono_ns", "told"]
+    class StatusMonoNsEntry(_message.Message):
+        __slots__ = ["key", "value"]
+        KEY_FIELD_NUMBER: _ClassVar[int]
+        VALUE_FIELD_NUMBER: _ClassVar[int]
+        key: int
+        value: int
+        def __init__(self, key: _Optional[int] = ..., value: _Optional[int] = ...) -> None: ...
     BAD_FRAMES_FIELD_NUMBER: _ClassVar[int]
     LAST_ROW_NS_FIELD_NUMBER: _ClassVar[int]
     PAGES_FIELD_NUMBER: _ClassVar[int]
     PENDING_FIELD_NUMBER: _ClassVar[int]
     RECEIVER_FIELD_NUMBER: _ClassVar[int]
     SKIPPED_BYTES_FIELD_NUMBER: _ClassVar[int]
-    STATUS_FIELD_NUMBER: _ClassVar[int]
+    STATUS_MONO_NS_FIELD_NUMBER: _ClassVar[int]
     TOLD_FIELD_NUMBER: _ClassVar[int]
     bad_frames: int
     last_row_ns: int
@@ -349,9 +356,9 @@ class ReceptionMemory(_message.Message):
     pending: bytes
     receiver: str
     skipped_bytes: int
-    status: ReceiverStatus
+    status_mono_ns: _containers.ScalarMap[int, int]
     told: _containers.RepeatedCompositeFieldContainer[Ephemeris]
-    def __init__(self, receiver: _Optional[str] = ..., pending: _Optional[bytes] = ..., pages: _Optional[_Iterable[_Union[NavigationPage, _Mapping]]] = ..., told: _Optional[_Iterable[_Union[Ephemeris, _Mapping]]] = ..., last_row_ns: _Optional[int] = ..., status: _Optional[_Union[ReceiverStatus, _Mapping]] = ..., bad_frames: _Optional[int] = ..., skipped_bytes: _Optional[int] = ...) -> None: ...
+    def __init__(self, receiver: _Optional[str] = ..., pending: _Optional[bytes] = ..., pages: _Optional[_Iterable[_Union[NavigationPage, _Mapping]]] = ..., told: _Optional[_Iterable[_Union[Ephemeris, _Mapping]]] = ..., last_row_ns: _Optional[int] = ..., status_mono_ns: _Optional[_Mapping[int, int]] = ..., bad_frames: _Optional[int] = ..., skipped_bytes: _Optional[int] = ...) -> None: ...
 
 class Residual(_message.Message):
     __slots__ = ["b_m", "sigmas", "signal", "used"]
@@ -408,7 +415,7 @@ class SiteInfo(_message.Message):
     def __init__(self, site: _Optional[str] = ..., frame: _Optional[str] = ..., frame_epoch: _Optional[float] = ..., triangle: _Optional[_Iterable[_Union[SurveyedPoint, _Mapping]]] = ..., radius_m: _Optional[float] = ..., key_id: _Optional[bytes] = ..., software: _Optional[str] = ..., config_sha256: _Optional[str] = ..., boot_id: _Optional[bytes] = ...) -> None: ...
 
 class Snapshot(_message.Message):
-    __slots__ = ["aligned_ns", "cause", "clean_epochs", "clean_since_ns", "dropped", "ephemerides", "exclusions", "heard_ns", "ionosphere", "last_clean", "last_epoch_ns", "mono_ns", "pending", "receiver", "reception", "refused_ephemerides", "sequence", "signal", "silence_told", "state", "streams", "streams_epoch_ns", "subjects"]
+    __slots__ = ["aligned_ns", "cause", "clean_epochs", "clean_since_ns", "dropped", "ephemerides", "exclusions", "heard_ns", "ionosphere", "last_clean", "last_epoch_ns", "last_rows", "mono_ns", "pending", "receiver", "reception", "refused_ephemerides", "sequence", "signal", "silence_told", "state", "status", "streams", "streams_epoch_ns", "subjects"]
     class DroppedEntry(_message.Message):
         __slots__ = ["key", "value"]
         KEY_FIELD_NUMBER: _ClassVar[int]
@@ -423,6 +430,13 @@ class Snapshot(_message.Message):
         key: str
         value: int
         def __init__(self, key: _Optional[str] = ..., value: _Optional[int] = ...) -> None: ...
+    class StatusEntry(_message.Message):
+        __slots__ = ["key", "value"]
+        KEY_FIELD_NUMBER: _ClassVar[int]
+        VALUE_FIELD_NUMBER: _ClassVar[int]
+        key: str
+        value: ReceiverStatus
+        def __init__(self, key: _Optional[str] = ..., value: _Optional[_Union[ReceiverStatus, _Mapping]] = ...) -> None: ...
     ALIGNED_NS_FIELD_NUMBER: _ClassVar[int]
     CAUSE_FIELD_NUMBER: _ClassVar[int]
     CLEAN_EPOCHS_FIELD_NUMBER: _ClassVar[int]
@@ -434,6 +448,7 @@ class Snapshot(_message.Message):
     IONOSPHERE_FIELD_NUMBER: _ClassVar[int]
     LAST_CLEAN_FIELD_NUMBER: _ClassVar[int]
     LAST_EPOCH_NS_FIELD_NUMBER: _ClassVar[int]
+    LAST_ROWS_FIELD_NUMBER: _ClassVar[int]
     MONO_NS_FIELD_NUMBER: _ClassVar[int]
     PENDING_FIELD_NUMBER: _ClassVar[int]
     RECEIVER_FIELD_NUMBER: _ClassVar[int]
@@ -443,6 +458,7 @@ class Snapshot(_message.Message):
     SIGNAL_FIELD_NUMBER: _ClassVar[int]
     SILENCE_TOLD_FIELD_NUMBER: _ClassVar[int]
     STATE_FIELD_NUMBER: _ClassVar[int]
+    STATUS_FIELD_NUMBER: _ClassVar[int]
     STREAMS_EPOCH_NS_FIELD_NUMBER: _ClassVar[int]
     STREAMS_FIELD_NUMBER: _ClassVar[int]
     SUBJECTS_FIELD_NUMBER: _ClassVar[int]
@@ -457,6 +473,7 @@ class Snapshot(_message.Message):
     ionosphere: Ionosphere
     last_clean: LastClean
     last_epoch_ns: int
+    last_rows: _containers.RepeatedCompositeFieldContainer[Observations]
     mono_ns: int
     pending: _containers.RepeatedCompositeFieldContainer[PendingEpoch]
     receiver: _containers.RepeatedScalarFieldContainer[str]
@@ -466,10 +483,11 @@ class Snapshot(_message.Message):
     signal: _containers.RepeatedScalarFieldContainer[str]
     silence_told: bool
     state: State
+    status: _containers.MessageMap[str, ReceiverStatus]
     streams: _containers.RepeatedCompositeFieldContainer[StreamMemory]
     streams_epoch_ns: int
     subjects: _containers.RepeatedScalarFieldContainer[str]
-    def __init__(self, mono_ns: _Optional[int] = ..., receiver: _Optional[_Iterable[str]] = ..., signal: _Optional[_Iterable[str]] = ..., streams_epoch_ns: _Optional[int] = ..., streams: _Optional[_Iterable[_Union[StreamMemory, _Mapping]]] = ..., pending: _Optional[_Iterable[_Union[PendingEpoch, _Mapping]]] = ..., last_epoch_ns: _Optional[int] = ..., heard_ns: _Optional[_Mapping[str, int]] = ..., aligned_ns: _Optional[int] = ..., dropped: _Optional[_Mapping[str, int]] = ..., refused_ephemerides: _Optional[int] = ..., ionosphere: _Optional[_Union[Ionosphere, _Mapping]] = ..., ephemerides: _Optional[_Iterable[_Union[Ephemeris, _Mapping]]] = ..., exclusions: _Optional[_Iterable[_Union[Exclusion, _Mapping]]] = ..., state: _Optional[_Union[State, str]] = ..., cause: _Optional[_Union[Cause, str]] = ..., subjects: _Optional[_Iterable[str]] = ..., clean_since_ns: _Optional[int] = ..., clean_epochs: _Optional[int] = ..., sequence: _Optional[int] = ..., last_clean: _Optional[_Union[LastClean, _Mapping]] = ..., silence_told: bool = ..., reception: _Optional[_Iterable[_Union[ReceptionMemory, _Mapping]]] = ...) -> None: ...
+    def __init__(self, mono_ns: _Optional[int] = ..., receiver: _Optional[_Iterable[str]] = ..., signal: _Optional[_Iterable[str]] = ..., streams_epoch_ns: _Optional[int] = ..., streams: _Optional[_Iterable[_Union[StreamMemory, _Mapping]]] = ..., pending: _Optional[_Iterable[_Union[PendingEpoch, _Mapping]]] = ..., last_epoch_ns: _Optional[int] = ..., heard_ns: _Optional[_Mapping[str, int]] = ..., aligned_ns: _Optional[int] = ..., dropped: _Optional[_Mapping[str, int]] = ..., refused_ephemerides: _Optional[int] = ..., ionosphere: _Optional[_Union[Ionosphere, _Mapping]] = ..., ephemerides: _Optional[_Iterable[_Union[Ephemeris, _Mapping]]] = ..., exclusions: _Optional[_Iterable[_Union[Exclusion, _Mapping]]] = ..., state: _Optional[_Union[State, str]] = ..., cause: _Optional[_Union[Cause, str]] = ..., subjects: _Optional[_Iterable[str]] = ..., clean_since_ns: _Optional[int] = ..., clean_epochs: _Optional[int] = ..., sequence: _Optional[int] = ..., last_clean: _Optional[_Union[LastClean, _Mapping]] = ..., silence_told: bool = ..., reception: _Optional[_Iterable[_Union[ReceptionMemory, _Mapping]]] = ..., status: _Optional[_Mapping[str, ReceiverStatus]] = ..., last_rows: _Optional[_Iterable[_Union[Observations, _Mapping]]] = ...) -> None: ...
 
 class Started(_message.Message):
     __slots__ = ["boot_id", "config_sha256", "gps_time_ns", "mono_ns", "site", "site_toml", "software"]

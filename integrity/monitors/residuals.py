@@ -55,14 +55,14 @@ def b_values_m(residual_m: Floats) -> Floats:
     A bias b of one of three receivers shows as b / 3. Source: section 2.3 (GBAS).
     """
     n = residual_m.shape[1]
-    b_m: Floats = (residual_m - residual_m.mean(axis=1, keepdims=True)) / (n - 1)
+    b_m: Floats = (residual_m - residual_m.sum(axis=1, keepdims=True) / n) / (n - 1)
     return b_m
 
 
-def normalised_b_values(residual_m: Floats, sigma_differential_m: Floats) -> Floats:
+def normalised_b_values(b_m: Floats, sigma_differential_m: Floats) -> Floats:
     """B-values (E, R, S) over their standard deviation sigma_d / sqrt(R (R - 1)), with sigma_d (E, S) per satellite."""
-    n = residual_m.shape[1]
-    normalised: Floats = b_values_m(residual_m) * np.sqrt(n * (n - 1)) / sigma_differential_m[:, None, :]
+    n = b_m.shape[1]
+    normalised: Floats = b_m * np.sqrt(n * (n - 1)) / sigma_differential_m[:, None, :]
     return normalised
 
 

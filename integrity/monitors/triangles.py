@@ -52,7 +52,7 @@ def variances(cov_enu_m2: Floats, promises: IntegrityConfig) -> Variances:
 def triangle_statistics(e_enu_m: Floats, var: Variances, triangle: ReferenceTriangle) -> TriangleStatistics:
     """All statistics of displacements (E, R, 3)."""
     n = e_enu_m.shape[1]
-    mean = e_enu_m.mean(axis=1)
+    mean = e_enu_m.sum(axis=1) / n
     own = e_enu_m - mean[:, None, :]
     var_d = var.differential[:, None, :]
 
@@ -68,7 +68,7 @@ def triangle_statistics(e_enu_m: Floats, var: Variances, triangle: ReferenceTria
         collapse=collapse_statistic(own, triangle.baseline_enu_m, var_d),
         collapse_fit=_spread(solved_points_m(e_enu_m, triangle), var_d),
         isolation=isolation,
-        pair=np.stack([_spread(np.delete(e_enu_m, j, axis=1), var_d) for j in range(n)], axis=1),
+        pair=np.stack([_spread(e_enu_m[:, others], var_d) for others in _others(n)], axis=1),
         log_likelihood_ratio=log_likelihood_ratio(e_enu_m, var.common[:, None, :], var_d),
     )
 
@@ -99,8 +99,14 @@ def solved_points_m(e_enu_m: Floats, triangle: ReferenceTriangle) -> Floats:
 
 def _spread(points_m: Floats, var_d: Floats) -> Floats:
     """Sum of squared distances (E,) of points (E, n, 3) from their mean, in sigmas; for two points T_pair of section 2.2."""
-    total: Floats = ((points_m - points_m.mean(axis=1, keepdims=True)) ** 2 / var_d).sum(axis=(1, 2))
+    mean_m = points_m.sum(axis=1, keepdims=True) / points_m.shape[1]
+    total: Floats = ((points_m - mean_m) ** 2 / var_d).sum(axis=(1, 2))
     return total
+
+
+def _others(n: int) -> list[list[int]]:
+    """For each of n receivers the other ones."""
+    return [[k for k in range(n) if k != j] for j in range(n)]
 
 
 def suspects(statistics: TriangleStatistics, limits: Limits) -> Bools:
@@ -111,7 +117,7 @@ def suspects(statistics: TriangleStatistics, limits: Limits) -> Bools:
     """
     n = statistics.isolation.shape[1]
     inside = statistics.circle_m <= limits.radius_m
-    others_inside = np.stack([np.delete(inside, j, axis=1).all(axis=1) for j in range(n)], axis=1)
+    others_inside = np.stack([inside[:, others].all(axis=1) for others in _others(n)], axis=1)
     furthest = statistics.isolation == statistics.isolation.max(axis=1, keepdims=True)
     suspected: Bools = furthest & (statistics.isolation > limits.isolation) & (statistics.pair <= limits.pair) & others_inside
     return suspected

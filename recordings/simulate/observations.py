@@ -1,11 +1,13 @@
-"""What the receivers of a site would have measured under a simulated constellation, as the events that its station would have met.
+"""What receivers would have measured under a simulated constellation, as the events that whoever listens to them would have met.
 
-Ranges belong to the ephemerides in force, so that the broadcast models find the surveyed points but for the errors of `ErrorModel`.
-Light time is iterated and the frame turned under the signal (no linearised Sagnac term): right to 0.1 mm, then rounded to 1/1024 m
-(a binary fraction compresses well).
+Any number of antennas, fixed or moving. Ranges belong to the ephemerides in force, so that the broadcast models find the antennas but
+for the errors of `ErrorModel`. Light time is iterated and the frame turned under the signal (no linearised Sagnac term): right to
+0.1 mm, then rounded to 1/1024 m (a binary fraction compresses well). Every value is one that a u-blox receiver can say: `receiver`.
 """
 
 import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
@@ -26,15 +28,46 @@ CUT_OFF_RAD = math.radians(5.0)
 LIGHT_TIME_ITERATIONS = 3  # each shrinks the error by v / c: from 20 ms to below 1e-15 s
 WAVELENGTH_M = SPEED_OF_LIGHT_MPS / L1_HZ
 CODE_OF_SYSTEM = {"G": "1C", "E": "1C"}
+LONGEST_LOCK_MS = 64_500.0  # a u-blox receiver counts no further (interface description of HPG 1.51, UBX-RXM-RAWX)
+
+Motion = Callable[[Ints], tuple[Floats, Floats]]
+"""Position and velocity (E, 3) in ECEF, m and m/s, at GPS times (E,)."""
+
+
+@dataclass(frozen=True)
+class Antenna:
+    """An antenna, the receiver behind it by name, and how it moves. Antennas with the same `clock` share one; by default none does."""
+
+    receiver: str
+    motion: Motion
+    clock: str | None = None
+
+
+def fixed(pos_ecef_m: Sequence[float]) -> Motion:
+    """The motion of what stands still."""
+    point = np.array(pos_ecef_m, dtype=np.float64)
+    return lambda gps_ns: (np.tile(point, (len(gps_ns), 1)), np.zeros((len(gps_ns), 3)))
+
+
+def antennas_of(site: SiteConfig) -> tuple[Antenna, ...]:
+    """The receivers of a site, each at its surveyed point with a clock of its own."""
+    return tuple(Antenna(r.name, fixed(r.position_ecef_m)) for r in site.receivers)
 
 
 def simulate(
     site: SiteConfig, start_ns: int, duration_s: float, rate_hz: float, seed: int, errors: ErrorModel = NOMINAL
 ) -> tuple[Event, ...]:
+    """`observed` by the antennas of a site."""
+    return observed(antennas_of(site), start_ns, duration_s, rate_hz, seed, errors)
+
+
+def observed(
+    antennas: Sequence[Antenna], start_ns: int, duration_s: float, rate_hz: float, seed: int, errors: ErrorModel = NOMINAL
+) -> tuple[Event, ...]:
     """Events of the epochs in [start, start + duration) that are multiples of 1 / rate_hz in GPS time; `start_ns` is GPS time.
 
     First the ionosphere and the ephemerides in force, later ones when they are transmitted; a Tick after each epoch. `mono_ns` is GPS
-    time. An ephemeris enters if its satellite is seen in the run at all.
+    time. An ephemeris enters if its satellite is seen in the run at all. What an antenna measures does not depend on the others.
     """
     interval_ns = round(NS_PER_S / rate_hz)
     first, end = -(-start_ns // interval_ns), -(-(start_ns + round(duration_s * NS_PER_S)) // interval_ns)
@@ -42,30 +75,46 @@ def simulate(
     if not len(epoch_ns):
         return ()
     sets = constellation(seed, int(epoch_ns[0]), int(epoch_ns[-1]))
-    receivers = site.receiver_names
-    points = np.array([r.position_ecef_m for r in site.receivers])
-    satellites, states = _in_sight(sets, epoch_ns, points)
+    receivers = tuple(antenna.receiver for antenna in antennas)
+    path = _path(antennas, epoch_ns)
+    satellites, states = _in_sight(sets, epoch_ns, path)
     step_s = interval_ns / NS_PER_S
-    clocks = receiver_clocks(errors, seed, receivers, step_s, len(epoch_ns))
-    sky = _sky(states, epoch_ns, clocks, points)
+    clocks = receiver_clocks(errors, seed, [antenna.clock or antenna.receiver for antenna in antennas], step_s, len(epoch_ns))
+    sky = _sky(states, epoch_ns, clocks, path)
     measured = _measured(errors, seed, receivers, satellites, step_s, clocks, sky)
     ephemerides = [eph for eph in sets if eph.satellite in satellites]
     return tuple(_events(epoch_ns, receivers, satellites, sky.el_rad >= CUT_OFF_RAD, measured, ephemerides))
 
 
-def _in_sight(sets: tuple[Ephemeris, ...], epoch_ns: Ints, points: Floats) -> tuple[tuple[str, ...], SatelliteStates]:
+class Path(NamedTuple):
+    """Antennas at the epochs: position and velocity (E, R, 3) in ECEF, latitude, longitude, height (E, R), and local axes (E, R, 3, 3)."""
+
+    pos_ecef_m: Floats
+    vel_ecef_mps: Floats
+    lat_rad: Floats
+    lon_rad: Floats
+    height_m: Floats
+    enu: Floats
+
+
+def _path(antennas: Sequence[Antenna], epoch_ns: Ints) -> Path:
+    moved = [antenna.motion(epoch_ns) for antenna in antennas]
+    pos, vel = (np.stack(parts, axis=1) for parts in zip(*moved, strict=True))
+    lat_rad, lon_rad, height_m = geodetic_from_ecef(pos)
+    return Path(pos, vel, lat_rad, lon_rad, height_m, enu_axes(lat_rad, lon_rad))
+
+
+def _in_sight(sets: tuple[Ephemeris, ...], epoch_ns: Ints, path: Path) -> tuple[tuple[str, ...], SatelliteStates]:
     """Satellites above the cut-off at some epoch, by name, and their states: each by the set in force at the epoch."""
     store = EphemerisStore(sets)
     arrived = np.searchsorted([eph.transmission_ns for eph in sets], epoch_ns, side="right")
     everything = sorted({eph.satellite for eph in sets})
     index = store.choose(everything, epoch_ns, arrived)
     states = satellite_states(sets, index, state_time_ns(epoch_ns))
-    lat_rad, lon_rad, _ = geodetic_from_ecef(points)
-    up = enu_axes(lat_rad, lon_rad)[:, 2]
     seen = np.zeros(len(everything), dtype=np.bool_)
-    for point, zenith in zip(points, up, strict=True):
-        los = states.pos_ecef_m - point[:, None, None]
-        sin_el = np.einsum("i,ies->es", zenith, los) / np.linalg.norm(los, axis=0)
+    for r in range(path.pos_ecef_m.shape[1]):
+        los = states.pos_ecef_m - path.pos_ecef_m[:, r].T[:, :, None]
+        sin_el = np.einsum("ei,ies->es", path.enu[:, r, 2], los) / np.linalg.norm(los, axis=0)
         seen |= (sin_el >= math.sin(CUT_OFF_RAD)).any(axis=0)
     satellites = tuple(s for s, above in zip(everything, seen, strict=True) if above)
     return satellites, satellite_states(sets, index[:, seen], states.t_ns)
@@ -84,33 +133,34 @@ class Sky(NamedTuple):
     troposphere_m: Floats
 
 
-def _sky(states: SatelliteStates, epoch_ns: Ints, clocks: ReceiverClocks, points: Floats) -> Sky:
-    """Light time from satellites (S) to points (R, 3) for reception when the receivers' clocks show `epoch_ns`.
+def _sky(states: SatelliteStates, epoch_ns: Ints, clocks: ReceiverClocks, path: Path) -> Sky:
+    """Light time from satellites (S) to antennas (R) for reception when the receivers' clocks show `epoch_ns`.
 
     In the ECEF of reception, where the satellite stands turned back by the Earth's rotation during the light time. The rate follows from
-    |R(w tau) s(t - tau) - r| = c tau by differentiation.
+    |R(w tau) s(t - tau) - r(t)| = c tau by differentiation. Antennas move on in a straight line for what their clock is off.
     """
     received_s = (epoch_ns - states.t_ns)[:, None, None] / NS_PER_S - clocks.bias_s[:, :, None]
     pos, vel, acc = (v[:, :, None, :] for v in (states.pos_ecef_m, states.vel_ecef_mps, states.acc_ecef_mps2))
-    station = points.T[:, None, :, None]
+    antenna_mps = np.moveaxis(path.vel_ecef_mps, -1, 0)[..., None]
+    antenna_m = np.moveaxis(path.pos_ecef_m, -1, 0)[..., None] - antenna_mps * clocks.bias_s[:, :, None]
     tau_s = np.full((*clocks.bias_s.shape, pos.shape[-1]), 0.0775)
     for _ in range(LIGHT_TIME_ITERATIONS):
         dt = received_s - tau_s
         there_m = _turned_back(pos + dt * (vel + 0.5 * dt * acc), tau_s)
-        los = there_m - station
+        los = there_m - antenna_m
         distance_m = np.sqrt((los * los).sum(axis=0))
         tau_s = distance_m / SPEED_OF_LIGHT_MPS
 
     u = los / distance_m
     moving_mps = (u * _turned_back(vel + dt * acc, tau_s)).sum(axis=0)
     turning_mps = EARTH_ROTATION_RADPS * (u[0] * there_m[1] - u[1] * there_m[0])
-    range_rate_mps = SPEED_OF_LIGHT_MPS * moving_mps / (SPEED_OF_LIGHT_MPS + moving_mps - turning_mps)
+    opening_mps = moving_mps - (u * antenna_mps).sum(axis=0)
+    range_rate_mps = SPEED_OF_LIGHT_MPS * opening_mps / (SPEED_OF_LIGHT_MPS + moving_mps - turning_mps)
 
-    lat_rad, lon_rad, height_m = geodetic_from_ecef(points)
-    los_enu = np.einsum("rij,jers->iers", enu_axes(lat_rad, lon_rad), u)
+    los_enu = np.einsum("erij,jers->iers", path.enu, u)
     el_rad, az_rad = np.arcsin(np.clip(los_enu[2], -1.0, 1.0)), np.arctan2(los_enu[0], los_enu[1])
     el_air = np.maximum(el_rad, 0.5 * CUT_OFF_RAD)  # what is lower is not observed
-    lat, lon, height = lat_rad[:, None], lon_rad[:, None], height_m[:, None]
+    lat, lon, height = (part[:, :, None] for part in (path.lat_rad, path.lon_rad, path.height_m))
     tow_s = (epoch_ns % WEEK_NS / NS_PER_S)[:, None, None]
     return Sky(
         range_m=distance_m,
@@ -136,7 +186,8 @@ def _measured(
 ) -> dict[str, Floats]:
     """The arrays of `ObservationRow`, (E, R, S), rounded as receivers give them, but for flags and lock time.
 
-    The Doppler leaves out the rates of delays and slow errors: below 0.03 m/s at 5 deg of elevation.
+    The Doppler, in steps of 1/1024 Hz, fits a 32-bit float to 16 kHz. It leaves out the rates of delays and slow errors: below
+    0.03 m/s at 5 deg of elevation.
     """
     spoiled = signal_errors(errors, seed, receivers, satellites, step_s, sky.az_rad, sky.el_rad, sky.ionosphere_m)
     clock_m = SPEED_OF_LIGHT_MPS * clocks.bias_s[:, :, None] - sky.satellite_clock_m
@@ -147,7 +198,7 @@ def _measured(
         "pseudorange_m": _rounded(neutral_m + sky.ionosphere_m + spoiled.code_m, 1024),
         "carrier_cycles": _rounded((neutral_m - sky.ionosphere_m + spoiled.carrier_m) / WAVELENGTH_M + np.array(ambiguity), 1024),
         "doppler_hz": _rounded(-(sky.range_rate_mps + clock_mps + spoiled.range_rate_mps) / WAVELENGTH_M, 1024),
-        "cn0_dbhz": _rounded(spoiled.cn0_dbhz, 4),
+        "cn0_dbhz": _rounded(spoiled.cn0_dbhz, 1),
     }
 
 
@@ -157,10 +208,11 @@ def _rounded(values: Floats, steps_per_unit: int) -> Floats:
 
 
 def _lock_s(seen: Bools, step_s: float) -> Floats:
-    """How long each signal (E, R, S) has been tracked without a break; receivers are switched on at the first epoch."""
+    """How long each signal (E, R, S) has been tracked without a break, in whole ms; receivers are switched on at the first epoch."""
     k = np.arange(len(seen))[:, None, None]
     last_unseen = np.maximum.accumulate(np.where(seen, -1, k), axis=0)
-    lock_s: Floats = step_s * np.maximum(k - last_unseen - 1, 0)
+    lock_ms = np.round(1e3 * step_s * np.maximum(k - last_unseen - 1, 0))
+    lock_s: Floats = np.minimum(lock_ms, LONGEST_LOCK_MS) / 1e3
     return lock_s
 
 
@@ -174,8 +226,8 @@ def _events(
 ) -> list[Event]:
     """In the order in which a station meets them; `ephemerides` in the order of transmission."""
     step_s = float(epoch_ns[1] - epoch_ns[0]) / NS_PER_S if len(epoch_ns) > 1 else 0.0
-    flag = np.zeros(seen.shape, dtype=np.bool_)
-    arrays = measured | {"lock_s": _lock_s(seen, step_s), "slip": flag, "half_cycle": flag}
+    lock_s = _lock_s(seen, step_s)
+    arrays = measured | {"lock_s": lock_s, "slip": lock_s == 0.0, "half_cycle": np.zeros(seen.shape, dtype=np.bool_)}
     signals = np.array([f"{s}.{CODE_OF_SYSTEM[s[0]]}" for s in satellites])
     start_ns = int(epoch_ns[0])
     events: list[Event] = [IonosphereReceived(start_ns, IONOSPHERE)]

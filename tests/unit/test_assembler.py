@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from integrity.assembler import MOST_PENDING_EPOCHS, AlignedEpoch, Assembler, AssemblerState, Silence, nominal_epoch_ns
+from integrity.assembler import MOST_PENDING_EPOCHS, AlignedEpoch, Assembler, AssemblerState, Interruption, nominal_epoch_ns
 from integrity.events import EphemerisReceived, Event, IonosphereReceived, ObservationsReceived, Tick
 from integrity.gnss.ephemeris import EphemerisStore
 from integrity.gnss.gps_time import NS_PER_S
@@ -43,13 +43,13 @@ def assembler(state: AssemblerState | None = None, store: EphemerisStore | None 
     return Assembler(RECEIVERS, NS_PER_S, LIMITS, state or AssemblerState(), store or EphemerisStore())
 
 
-def epochs(out: Sequence[AlignedEpoch | Silence]) -> list[float]:
+def epochs(out: Sequence[AlignedEpoch | Interruption]) -> list[float]:
     """Seconds since the beginning of the aligned epochs."""
     return [(x.epoch_ns - START_NS) / NS_PER_S for x in out if isinstance(x, AlignedEpoch)]
 
 
-def silences(out: Sequence[AlignedEpoch | Silence]) -> list[tuple[str, ...]]:
-    return [x.receivers for x in out if isinstance(x, Silence)]
+def silences(out: Sequence[AlignedEpoch | Interruption]) -> list[tuple[str, ...]]:
+    return [x.receivers for x in out if isinstance(x, Interruption)]
 
 
 # ---- alignment
@@ -249,7 +249,7 @@ def test_rows_end_a_silence() -> None:
 
 def test_epochs_and_silences_stand_in_the_order_of_the_events() -> None:
     out = assembler().take([*everyone(0), tick(3), *everyone(4)])
-    assert [type(x) for x in out] == [AlignedEpoch, Silence, AlignedEpoch]
+    assert [type(x) for x in out] == [AlignedEpoch, Interruption, AlignedEpoch]
 
 
 # ---- what was known
@@ -275,4 +275,4 @@ def test_an_epoch_knows_the_ionosphere_of_its_time() -> None:
 
 def test_a_gap_that_no_tick_noticed_is_a_silence_all_the_same() -> None:
     out = assembler().take(everyone(0, 1, 7))
-    assert [type(x) for x in out] == [AlignedEpoch, AlignedEpoch, Silence, AlignedEpoch]
+    assert [type(x) for x in out] == [AlignedEpoch, AlignedEpoch, Interruption, AlignedEpoch]

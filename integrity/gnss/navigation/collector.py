@@ -1,0 +1,168 @@
+"""From words of navigation messages to whole ephemerides: what one receiver has of each satellite so far.
+
+A set is GPS subframes 1 to 3 or Galileo I/NAV words 1 to 5 of E1-B. It is told when it is complete, plausible, and anything but the time
+of its transmission differs from what was last told of that satellite: health may change without a new issue. Other signals carry the same
+sets (E5b-I) or are not used; their words are passed over.
+
+Two rules keep pages apart that do not belong together. A page of another issue drops what is kept of the satellite, word 5 included,
+which has no issue. And pages that arrived more than `PAGES_TOGETHER_NS` apart make no set: issues come round again, and most pages do
+not say of which week they are.
+"""
+
+from collections.abc import Iterable, Sequence
+from dataclasses import replace
+from typing import NamedTuple
+
+from integrity.errors import DecodeError
+from integrity.gnss.atmosphere import Klobuchar
+from integrity.gnss.ephemeris import Ephemeris
+from integrity.gnss.gps_time import NS_PER_S
+from integrity.gnss.navigation import inav, lnav
+from integrity.gnss.ubx.sfrbx import NavigationWords
+
+PAGES_TOGETHER_NS = 600 * NS_PER_S  # each page comes every 30 s; issues repeat after 6 h at the earliest: IS-GPS-200, 20.3.4.4
+
+PAGES_OF_SET = {"G": (1, 2, 3), "E": (1, 2, 3, 4, 5)}
+MESSAGE_BYTES = {"G": 30, "E": 16}
+TIME_BYTES = 8
+
+
+class Page(NamedTuple):
+    """A page kept: subframe or word type `number` of a satellite.
+
+    `data` is the message without parity, CRC and framing (30 bytes of a subframe, 16 of a word), then the GPS time of its arrival in ns
+    (8 bytes, signed, big endian), left out where that was not known.
+    """
+
+    satellite: str
+    number: int
+    data: bytes
+
+
+class _Kept(NamedTuple):
+    """A page's message and when it arrived, in GPS time; None: before the time was known."""
+
+    message: int
+    arrived_ns: int | None
+
+
+class NavigationCollector:
+    """Collects the pages of every satellite of one receiver. Made again from its `pages` and `told`, it goes on as if never stopped."""
+
+    def __init__(self, pages: Iterable[Page] = (), told: Iterable[Ephemeris] = ()) -> None:
+        self._kept: dict[str, dict[int, _Kept]] = {}
+        for page in pages:
+            self._kept.setdefault(page.satellite, {})[page.number] = _unpacked(page)
+        self._told = {eph.satellite: eph for eph in told}
+
+    @property
+    def pages(self) -> tuple[Page, ...]:
+        """What is kept, by satellite and number."""
+        return tuple(
+            _packed(satellite, number, kept) for satellite, pages in sorted(self._kept.items()) for number, kept in sorted(pages.items())
+        )
+
+    @property
+    def told(self) -> tuple[Ephemeris, ...]:
+        """The last set told of each satellite, by satellite."""
+        return tuple(self._told[satellite] for satellite in sorted(self._told))
+
+    def take(self, words: NavigationWords, near_ns: int | None) -> list[Ephemeris | Klobuchar]:
+        """What these words newly tell: a set that they complete or change, or the ionosphere; mostly nothing.
+
+        `near_ns` is the GPS time of arrival, good to a minute; None while it is not known: then pages are kept for `complete`.
+        Words with wrong parity or CRC change nothing.
+        """
+        if words.signal == "1C":
+            message = lnav.subframe_of(words.words)
+        elif words.signal == "1B":
+            message = inav.word_of(words.words)
+        else:
+            return []
+        if message is None:
+            return []
+        system = words.satellite[0]
+        if system == "G" and (klobuchar := lnav.klobuchar_of(message)):
+            return [klobuchar]
+        number = _number(system, message)
+        if number not in PAGES_OF_SET[system]:
+            return []
+        self._keep(words.satellite, number, _Kept(message, near_ns))
+        ephemeris = self._news_of(words.satellite)
+        return [ephemeris] if ephemeris else []
+
+    def complete(self, near_ns: int) -> list[Ephemeris]:
+        """Sets not yet told, by satellite, now that the GPS time is known: pages kept without a time count as arrived at `near_ns`."""
+        for pages in self._kept.values():
+            for number, kept in pages.items():
+                if kept.arrived_ns is None:
+                    pages[number] = kept._replace(arrived_ns=near_ns)
+        news = (self._news_of(satellite) for satellite in sorted(self._kept))
+        return [ephemeris for ephemeris in news if ephemeris]
+
+    def _keep(self, satellite: str, number: int, page: _Kept) -> None:
+        pages = self._kept.setdefault(satellite, {})
+        issue = _issue(satellite[0], number, page.message)
+        others = (_issue(satellite[0], other, kept.message) for other, kept in pages.items())
+        if issue is not None and any(other not in (issue, None) for other in others):
+            pages.clear()
+        pages[number] = page
+
+    def _news_of(self, satellite: str) -> Ephemeris | None:
+        """The set that the kept pages of a satellite make up, if they do and it says something new; it then counts as told."""
+        pages, numbers = self._kept[satellite], PAGES_OF_SET[satellite[0]]
+        arrived_ns = [kept.arrived_ns for kept in pages.values() if kept.arrived_ns is not None]
+        if len(arrived_ns) < len(numbers) or max(arrived_ns) - min(arrived_ns) > PAGES_TOGETHER_NS:
+            return None
+        ephemeris = _ephemeris_of(satellite, [pages[number].message for number in numbers], max(arrived_ns))
+        if ephemeris is None or ephemeris.implausibility() is not None:
+            return None
+        last = self._told.get(satellite)
+        if last is not None and replace(last, transmission_ns=ephemeris.transmission_ns) == ephemeris:
+            return None
+        self._told[satellite] = ephemeris
+        return ephemeris
+
+
+def _number(system: str, message: int) -> int:
+    return lnav.HEAD.integer(message, "subframe") if system == "G" else inav.HEAD.integer(message, "word_type")
+
+
+def _issue(system: str, number: int, message: int) -> int | None:
+    """What all pages of a set have in common; None for Galileo's word 5, which has none."""
+    if system == "E":
+        return inav.HEAD.integer(message, "issue") if number != 5 else None
+    if number == 1:
+        return lnav.SUBFRAME_1.integer(message, "iodc") & 0xFF
+    return (lnav.SUBFRAME_2 if number == 2 else lnav.SUBFRAME_3).integer(message, "iode")
+
+
+def _ephemeris_of(satellite: str, messages: Sequence[int], near_ns: int) -> Ephemeris | None:
+    if satellite[0] == "G":
+        one, two, three = messages
+        return lnav.ephemeris_of(satellite, one, two, three, near_ns)
+    one, two, three, four, five = messages
+    return inav.ephemeris_of(satellite, one, two, three, four, five, near_ns)
+
+
+def _packed(satellite: str, number: int, kept: _Kept) -> Page:
+    data = kept.message.to_bytes(MESSAGE_BYTES[satellite[0]], "big")
+    if kept.arrived_ns is not None:
+        data += kept.arrived_ns.to_bytes(TIME_BYTES, "big", signed=True)
+    return Page(satellite, number, data)
+
+
+def _unpacked(page: Page) -> _Kept:
+    """DecodeError where a page is none that `_packed` makes."""
+    system = page.satellite[:1]
+    size = MESSAGE_BYTES.get(system, 0)
+    if size and len(page.data) in (size, size + TIME_BYTES):
+        kept = _Kept(
+            int.from_bytes(page.data[:size], "big"), int.from_bytes(page.data[size:], "big", signed=True) if len(page.data) > size else None
+        )
+        if page.number in PAGES_OF_SET[system] and page.number == _number(system, kept.message):
+            return kept
+    raise DecodeError(
+        f"navigation page {page.number} of {page.satellite!r} in a snapshot: {len(page.data)} bytes {page.data[:8].hex()}... are no such page; "
+        "the snapshot is damaged: start without it"
+    )

@@ -1,0 +1,41 @@
+"""What receivers say of themselves, in words for people: among the reasons, never a check."""
+
+from functools import lru_cache
+
+import numpy as np
+
+from integrity.assembler import Statuses
+from integrity.gnss.frames import ecef_from_geodetic
+from integrity.gnss.observations import Floats
+from integrity.gnss.receiver_status import Antenna, Jamming, ReceiverStatus, Spoofing
+from integrity.triangle import ReferenceTriangle
+
+FAR_M = 1000.0  # beyond every error of a fix: another site's receiver, another city, or a spoofer
+
+WORDS = {
+    Jamming.WARNING: "interference",
+    Jamming.CRITICAL: "interference that leaves it no fix",
+    Spoofing.INDICATED: "spoofing",
+    Spoofing.INDICATED_AGAIN: "spoofing, by several of its detectors",
+    Antenna.SHORT_CIRCUIT: "a short circuit at its antenna",
+    Antenna.OPEN: "no antenna",
+}
+
+
+@lru_cache(maxsize=4)
+def remarks(statuses: Statuses, triangle: ReferenceTriangle) -> tuple[str, ...]:
+    """One sentence per receiver and complaint, in the order of receivers."""
+    place = dict(zip(triangle.names, triangle.pos_ecef_m, strict=True))
+    return tuple(remark for receiver, status in statuses for remark in _of(receiver, status, place[receiver]))
+
+
+def _of(receiver: str, status: ReceiverStatus, surveyed_ecef_m: Floats) -> list[str]:
+    found = [f"{receiver} reports {WORDS[w]}" for w in (status.jamming, status.spoofing, status.antenna) if w is not None and w in WORDS]
+    if status.fix_ok is False:
+        found.append(f"{receiver} reports no fix of its own")
+    elif status.fix_ok and status.lat_rad is not None and status.lon_rad is not None and status.height_m is not None:
+        fix_ecef_m = ecef_from_geodetic(status.lat_rad, status.lon_rad, status.height_m)
+        distance_m = float(np.linalg.norm(fix_ecef_m - surveyed_ecef_m))
+        if not distance_m <= FAR_M:
+            found.append(f"{receiver} reports a fix of its own {distance_m / 1000.0:.1f} km from its surveyed point")
+    return found

@@ -1,0 +1,122 @@
+"""From bytes to measurements: what each receiver's stream holds, as the events that decisions are made of. Stateful, cheap, first.
+
+A receiver's week comes with its measurements; navigation words that arrive before the first of them wait for it.
+"""
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+from integrity.events import (
+    Decoded,
+    EphemerisReceived,
+    Event,
+    Heard,
+    IonosphereReceived,
+    ObservationsReceived,
+    RawBytes,
+    StatusReceived,
+)
+from integrity.gnss.atmosphere import Klobuchar
+from integrity.gnss.ephemeris import Ephemeris
+from integrity.gnss.gps_time import NS_PER_S
+from integrity.gnss.navigation.collector import NavigationCollector, Page
+from integrity.gnss.ubx.framing import Frame, Framer
+from integrity.gnss.ubx.rawx import RXM_RAWX, decode_rawx
+from integrity.gnss.ubx.sfrbx import RXM_SFRBX, decode_sfrbx
+from integrity.gnss.ubx.status import STATUS_MESSAGES, decode_status
+
+STATUS_EVERY_NS = NS_PER_S  # hearsay is read once a second, however often it is sent
+
+
+@dataclass(frozen=True)
+class ReceptionMemory:
+    """What is remembered of one receiver's bytes; `status_mono_ns`: when each kind of status message was last read."""
+
+    receiver: str
+    pending: bytes = b""
+    pages: tuple[Page, ...] = ()
+    told: tuple[Ephemeris, ...] = ()
+    last_row_ns: int | None = None
+    status_mono_ns: tuple[tuple[tuple[int, int], int], ...] = ()
+    bad_frames: int = 0
+    skipped_bytes: int = 0
+
+
+class Reception:
+    """The streams of all receivers; bytes of any other receiver are passed over."""
+
+    def __init__(self, receivers: Iterable[str], memories: Iterable[ReceptionMemory] = ()) -> None:
+        remembered = {m.receiver: m for m in memories}
+        self._streams = {r: _Stream(remembered.get(r, ReceptionMemory(r))) for r in receivers}
+
+    def take(self, event: Event) -> list[Heard]:
+        """What an event says: bytes decoded, anything else as it is."""
+        if not isinstance(event, RawBytes):
+            return [event]
+        stream = self._streams.get(event.receiver)
+        return [] if stream is None else stream.decoded(event)
+
+    def memories(self) -> tuple[ReceptionMemory, ...]:
+        """For a snapshot."""
+        return tuple(stream.memory() for stream in self._streams.values())
+
+
+class _Stream:
+    """One receiver's bytes."""
+
+    def __init__(self, memory: ReceptionMemory) -> None:
+        self._receiver = memory.receiver
+        self._framer = Framer(memory.pending)
+        self._framer.bad_frames, self._framer.skipped_bytes = memory.bad_frames, memory.skipped_bytes
+        self._navigation = NavigationCollector(memory.pages, memory.told)
+        self._last_row_ns = memory.last_row_ns
+        self._status_mono_ns = dict(memory.status_mono_ns)
+
+    def memory(self) -> ReceptionMemory:
+        return ReceptionMemory(
+            self._receiver,
+            pending=self._framer.pending,
+            pages=tuple(self._navigation.pages),
+            told=tuple(self._navigation.told),
+            last_row_ns=self._last_row_ns,
+            status_mono_ns=tuple(sorted(self._status_mono_ns.items())),
+            bad_frames=self._framer.bad_frames,
+            skipped_bytes=self._framer.skipped_bytes,
+        )
+
+    def decoded(self, event: RawBytes) -> list[Heard]:
+        """Frames in the order in which they end."""
+        found: list[Heard] = []
+        for frame in self._framer.feed(event.data):
+            kind = (frame.message_class, frame.message_id)
+            if kind == RXM_RAWX:
+                found += self._row(frame, event.mono_ns)
+            elif kind == RXM_SFRBX:
+                found += self._words(frame, event.mono_ns)
+            elif kind in STATUS_MESSAGES and self._due(kind, event.mono_ns):
+                status = decode_status(frame)
+                found += [] if status is None else [StatusReceived(event.mono_ns, self._receiver, status)]
+        return found
+
+    def _row(self, frame: Frame, mono_ns: int) -> list[Decoded]:
+        (row,) = decode_rawx([frame.payload], self._receiver)
+        if row is None:
+            return []
+        waiting = self._navigation.complete(row.receive_time_ns) if self._last_row_ns is None else []
+        self._last_row_ns = row.receive_time_ns
+        return [*_navigation(waiting, mono_ns), ObservationsReceived(mono_ns, row)]
+
+    def _words(self, frame: Frame, mono_ns: int) -> list[Decoded]:
+        words = decode_sfrbx(frame.payload)
+        return [] if words is None else _navigation(self._navigation.take(words, self._last_row_ns), mono_ns)
+
+    def _due(self, kind: tuple[int, int], mono_ns: int) -> bool:
+        last_ns = self._status_mono_ns.get(kind)
+        if last_ns is not None and mono_ns - last_ns < STATUS_EVERY_NS:
+            return False
+        self._status_mono_ns[kind] = mono_ns
+        return True
+
+
+def _navigation(told: Iterable[Ephemeris | Klobuchar], mono_ns: int) -> list[Decoded]:
+    return [IonosphereReceived(mono_ns, x) if isinstance(x, Klobuchar) else EphemerisReceived(mono_ns, x) for x in told]

@@ -1,0 +1,223 @@
+"""The link over Zenoh: the only file that knows it. Bytes and key expressions in and out, arrival times stamped, nothing found by itself.
+
+No multicast and no gossip: a process talks to the endpoints it was given and to those who dial it. Everything is put with congestion
+control DROP: a reader that does not keep up never holds a station. Callbacks run in Zenoh's threads, one per subscription: they stamp
+and hand on. A process that ends without closing its session hangs, so a link is only to be had by `with`.
+"""
+
+import json
+import re
+import sys
+import time
+import traceback
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from typing import Any, NamedTuple
+
+import zenoh
+from zenoh import ext
+
+from integrity.errors import LinkError
+
+LEASE_MS = 1000  # a peer that is silent for so long is gone; its death without a word shows at once over TCP
+RETRY_MS = (200, 1000)  # first and longest pause between attempts to connect
+ALERT_HEARTBEAT_S = 0.5  # how late a lost last alert is noticed
+_PORT = r"([1-9]\d{0,3}|[1-5]\d{4}|6[0-4]\d{3}|65[0-4]\d\d|655[0-2]\d|6553[0-5])"
+_ENDPOINT = re.compile(rf"(tcp|udp|ws|tls|quic)/(\[[0-9A-Fa-f:.%]+\]|[^\s:/?#]+):{_PORT}([?#]\S*)?|unixsock-stream/\S+")
+
+Put = Callable[[bytes], None]
+
+
+class Arrival(NamedTuple):
+    """Bytes that came in, by put or by answer; `mono_ns` is this process's clock at that moment. An answer may be an error in words."""
+
+    key_expr: str
+    data: bytes
+    mono_ns: int
+    error: str = ""
+
+
+class QueryRefused(Exception):
+    """Raised by the answerer of a query: its text goes back as an error."""
+
+
+@contextmanager
+def open_link(listen: Sequence[str], connect: Sequence[str]) -> Iterator["Link"]:
+    """A session between the endpoints. One that is to be connected and is not there is tried again and again, for ever.
+
+    Raises LinkError for an endpoint that makes no sense, and for one that cannot be listened at.
+    """
+    for endpoint in (*listen, *connect):
+        if not _ENDPOINT.fullmatch(endpoint):
+            raise LinkError(f"endpoint {endpoint!r}: expected PROTOCOL/HOST:PORT, such as tcp/127.0.0.1:7447")
+    try:
+        session = zenoh.open(_config(listen, connect))
+    except zenoh.ZError as error:
+        raise LinkError(_why_not_open(listen, connect, str(error))) from error
+    with session:
+        yield Link(session)
+
+
+class Link:
+    """An open session. What is declared on it lives as long as the session."""
+
+    def __init__(self, session: zenoh.Session) -> None:
+        self._session = session
+        self._kept: list[object] = []  # Zenoh undeclares what nobody holds
+
+    @property
+    def connected(self) -> bool:
+        """Whether anybody is at the other end, whoever it is."""
+        return bool(self._session.info.peers_zid() or self._session.info.routers_zid())
+
+    def urgent(self, key_expr: str, schema: str) -> Put:
+        """For what must not wait: sent at once, before everything else. `schema` is the full name of the message."""
+        publisher = self._session.declare_publisher(key_expr, encoding=_encoding(schema), **_URGENT)
+        return self._put_of(publisher)
+
+    def droppable(self, key_expr: str, schema: str) -> Put:
+        """For what may be lost, and is sent after everything else."""
+        publisher = self._session.declare_publisher(
+            key_expr,
+            encoding=_encoding(schema),
+            congestion_control=zenoh.CongestionControl.DROP,
+            priority=zenoh.Priority.DATA_LOW,
+        )
+        return self._put_of(publisher)
+
+    def remembered(self, key_expr: str, schema: str, most: int) -> Put:
+        """For what those who come late shall have too: the last `most` are kept for them."""
+        publisher = ext.declare_advanced_publisher(
+            self._session,
+            key_expr,
+            encoding=_encoding(schema),
+            cache=ext.CacheConfig(max_samples=most),
+            publisher_detection=True,
+            sample_miss_detection=ext.MissDetectionConfig(heartbeat=ALERT_HEARTBEAT_S),  # type: ignore[call-arg]
+            **_URGENT,
+        )
+        return self._put_of(publisher)
+
+    def alive(self, key_expr: str) -> None:
+        """Say that this process is there, for as long as it is."""
+        self._kept.append(self._session.liveliness().declare_token(key_expr))
+
+    def answer(self, key_expr: str, schema: str, answerer: Callable[[bytes], bytes]) -> None:
+        """Answer queries: `answerer` takes the query's bytes, in a thread of Zenoh's, and may raise QueryRefused."""
+        encoding = _encoding(schema)
+
+        def reply(query: zenoh.Query) -> None:
+            try:
+                query.reply(key_expr, answerer(bytes(query.payload or b"")), encoding=encoding, **_URGENT)
+            except QueryRefused as refusal:
+                query.reply_err(str(refusal))
+
+        self._kept.append(self._session.declare_queryable(key_expr, _said_not_lost(reply)))
+
+    def subscribe(self, key_expr: str, take: Callable[[Arrival], None]) -> None:
+        """Hand on whatever is put at the key expression from now on."""
+        self._kept.append(self._session.declare_subscriber(key_expr, _said_not_lost(lambda sample: take(_arrival(sample)))))
+
+    def subscribe_remembered(self, key_expr: str, most: int, take: Callable[[Arrival], None]) -> None:
+        """The same for what is published as `remembered`: up to `most` from before come first."""
+        subscriber = ext.declare_advanced_subscriber(
+            self._session,
+            key_expr,
+            _said_not_lost(lambda sample: take(_arrival(sample))),
+            history=ext.HistoryConfig(detect_late_publishers=True, max_samples=most),
+            recovery=ext.RecoveryConfig(heartbeat=True),  # type: ignore[call-arg]
+        )
+        self._kept.append(subscriber)
+
+    def watch(self, key_expr: str, take: Callable[[bool], None]) -> None:
+        """Hand on whether somebody says `alive` there, as it is now and whenever it changes."""
+        watcher = self._session.liveliness().declare_subscriber(
+            key_expr, _said_not_lost(lambda sample: take(sample.kind == zenoh.SampleKind.PUT)), history=True
+        )
+        self._kept.append(watcher)
+
+    def ask(self, key_expr: str, payload: bytes, timeout_s: float, take: Callable[[Arrival], None]) -> None:
+        """Send a query and return at once; every answer within the time is handed on. Nobody there: none comes."""
+
+        def hand_on(reply: zenoh.Reply) -> None:
+            if reply.ok is not None:
+                take(_arrival(reply.ok))
+            elif reply.err is not None:
+                take(Arrival(key_expr, b"", time.monotonic_ns(), bytes(reply.err.payload).decode(errors="replace")))
+
+        self._session.get(
+            key_expr,
+            _said_not_lost(hand_on),
+            payload=payload,
+            timeout=timeout_s,
+            target=zenoh.QueryTarget.ALL,  # not the nearest alone: that may be a stranger
+            consolidation=zenoh.ConsolidationMode.NONE,
+            **_URGENT,
+        )
+
+    def _put_of(self, publisher: zenoh.Publisher | ext.AdvancedPublisher) -> Put:
+        self._kept.append(publisher)
+
+        def put(data: bytes) -> None:
+            publisher.put(data)
+
+        return put
+
+
+_URGENT: dict[str, Any] = {
+    "congestion_control": zenoh.CongestionControl.DROP,
+    "priority": zenoh.Priority.REAL_TIME,
+    "express": True,
+}
+
+
+def _arrival(sample: zenoh.Sample) -> Arrival:
+    return Arrival(str(sample.key_expr), bytes(sample.payload), time.monotonic_ns())
+
+
+def _encoding(schema: str) -> zenoh.Encoding:
+    return zenoh.Encoding("application/protobuf").with_schema(schema)
+
+
+def _said_not_lost(callback: Callable[[Any], None]) -> Callable[[Any], None]:
+    """A callback whose errors are said on stderr and go no further: Zenoh's thread has other calls to make."""
+
+    def wrapped(argument: Any) -> None:
+        try:
+            callback(argument)
+        except Exception:
+            print(f"wayside: a callback of the link failed:\n{traceback.format_exc()}", file=sys.stderr)
+
+    return wrapped
+
+
+def _config(listen: Sequence[str], connect: Sequence[str]) -> zenoh.Config:
+    config = zenoh.Config()
+    settings: dict[str, object] = {
+        "mode": "peer",
+        "listen/endpoints": list(listen),
+        "listen/exit_on_failure": True,
+        "connect/endpoints": list(connect),
+        "connect/exit_on_failure": False,
+        "connect/retry": {"period_init_ms": RETRY_MS[0], "period_max_ms": RETRY_MS[1], "period_increase_factor": 2},
+        "scouting/multicast/enabled": False,
+        "scouting/gossip/enabled": False,
+        "transport/link/tx/lease": LEASE_MS,
+        "timestamping/enabled": True,
+    }
+    for key, value in settings.items():
+        config.insert_json5(key, json.dumps(value))
+    return config
+
+
+def _why_not_open(listen: Sequence[str], connect: Sequence[str], error: str) -> str:
+    """In words; Zenoh's own are full of paths of its sources."""
+    endpoint = next((endpoint for endpoint in (*listen, *connect) if endpoint in error), ", ".join((*listen, *connect)))
+    if "Address already in use" in error:
+        return f"endpoint {endpoint}: the port is in use: end the other process, or choose another port"
+    if "assign requested address" in error:
+        return f"endpoint {endpoint}: this machine has no such address: listen at tcp/0.0.0.0:PORT, or at an address of its own"
+    if "Permission denied" in error:
+        return f"endpoint {endpoint}: this user may not listen there: choose a port from 1024 on"
+    reason = re.sub(r" at /\S+", "", error)
+    return f"endpoint {endpoint}: cannot be opened ({reason}): expected PROTOCOL/HOST:PORT, such as tcp/127.0.0.1:7447"

@@ -1,0 +1,72 @@
+"""What the listeners hand to the thread that decides: one queue, bounded, in the order of arrival."""
+
+import time
+from collections import Counter
+from queue import Empty, SimpleQueue
+from threading import BoundedSemaphore
+from typing import NamedTuple
+
+MOST_PIECES = 4096  # over a minute of three receivers at 10 Hz
+FILE_PIECE_BYTES = 4096  # a file is read far faster than time passes: in small pieces,
+FILE_PIECES = 4  # and so few of them ahead, that the files of three receivers stay together
+
+
+class Piece(NamedTuple):
+    """Bytes of one receiver, as read at `mono_ns`."""
+
+    receiver: str
+    mono_ns: int
+    data: bytes
+
+
+class Inbox:
+    """Any thread puts, one takes. What does not fit is dropped and counted: the thread that decides must hear of it."""
+
+    def __init__(self, most_pieces: int = MOST_PIECES) -> None:
+        self._queue: SimpleQueue[Piece | None] = SimpleQueue()
+        self._most_pieces = most_pieces
+        self._dropped: Counter[str] = Counter()
+        self._told: Counter[str] = Counter()
+        self._room: dict[str, BoundedSemaphore] = {}
+        self._closed = False
+
+    def put(self, receiver: str, mono_ns: int, data: bytes) -> None:
+        """Never waits."""
+        if self._queue.qsize() < self._most_pieces:
+            self._queue.put(Piece(receiver, mono_ns, data))
+        else:
+            self._dropped[receiver] += 1
+
+    def put_of_file(self, receiver: str, mono_ns: int, data: bytes) -> None:
+        """For a source that can wait: waits until there is room."""
+        room = self._room.setdefault(receiver, BoundedSemaphore(FILE_PIECES))
+        for begin in range(0, len(data), FILE_PIECE_BYTES):
+            while not room.acquire(timeout=0.1):
+                if self._closed:
+                    return
+            self._queue.put(Piece(receiver, time.monotonic_ns(), data[begin : begin + FILE_PIECE_BYTES]))
+
+    def take(self, until_mono_ns: int) -> Piece | None:
+        """The next piece; None if none has come by then, or when woken."""
+        try:
+            piece = self._queue.get(timeout=max(0.0, (until_mono_ns - time.monotonic_ns()) / 1e9))
+        except Empty:
+            return None
+        if piece is not None and piece.receiver in self._room:
+            self._room[piece.receiver].release()
+        return piece
+
+    def dropped(self) -> dict[str, int]:
+        """Pieces dropped since this was asked last, by receiver."""
+        now = Counter(self._dropped)
+        new = now - self._told
+        self._told = now
+        return dict(new)
+
+    def wake(self) -> None:
+        """End the wait of `take`; safe in a signal handler."""
+        self._queue.put(None)
+
+    def close(self) -> None:
+        """Nobody takes any more."""
+        self._closed = True

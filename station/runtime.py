@@ -1,0 +1,194 @@
+"""The station: bytes in, decisions out, on the air and on record. The shell around `StationMonitor`: threads, clocks, links.
+
+    listeners (a thread a receiver)  ->  inbox, bounded  ->  this thread: monitor  ->  publisher (Zenoh)
+                                                                                   ->  recorder (a thread, behind a queue)
+
+One thread decides. It takes pieces in the order of arrival, puts a tick between them where a second has passed or a deadline of the
+monitor has, and publishes health before it does anything else. A bug ends the station: what is published then runs out by itself.
+"""
+
+import gc
+import os
+import signal
+import sys
+from collections.abc import Callable
+from pathlib import Path
+from typing import TypeVar
+
+from google.protobuf.message import Message
+
+from integrity import SOFTWARE
+from integrity.events import Event, InputLost, RawBytes
+from integrity.gnss.gps_time import NS_PER_S, format_utc, gps_from_utc
+from integrity.messages.outputs import encode_alert, encode_health, encode_report
+from integrity.messages.snapshots import encode_snapshot
+from integrity.outputs import Alert, EpochReport, HealthReport
+from integrity.station_monitor import Snapshot, StationMonitor
+from recordings.explain import changed
+from recordings.keys import load_key
+from recordings.link import open_link
+from recordings.site_file import SiteFile
+from station.host_clock import mono_now_ns, tick
+from station.inbox import Inbox
+from station.notify import notify
+from station.publisher import Publisher
+from station.recorder import Recorder, check_directory
+from station.sources.kinds import FileSource, parse_source
+from station.sources.listener import Listener
+
+TICK_NS = NS_PER_S
+SWITCH_INTERVAL_S = 0.0005  # the longest that another thread keeps the deciding one from the interpreter
+
+Say = Callable[[str], None]
+M = TypeVar("M", bound=Message)
+
+
+def run_station(site: SiteFile, say: Say) -> None:
+    """Run until SIGTERM or SIGINT, or until every source has ended (files do). Raises ConfigError or LinkError where it cannot start."""
+    sources = {name: parse_source(url) for name, url in site.sources.items() if url is not None}
+    key = load_key(Path(site.publish.key))
+    directory = Path(site.record.directory)
+    check_directory(directory)
+    boot_id = os.urandom(16)
+    monitor = StationMonitor(site.config)
+    inbox = Inbox()
+    with open_link(site.publish.listen, site.publish.connect) as link:
+        publisher = Publisher(link, site.config, key, boot_id, SOFTWARE)
+        recorder = Recorder(directory, site, boot_id, say)
+        listeners = [
+            Listener(name, source, inbox.put_of_file if isinstance(source, FileSource) else inbox.put, lambda r, line: say(f"{r}: {line}"))
+            for name, source in sources.items()
+        ]
+        station = Station(site, monitor, inbox, publisher, recorder, boot_id, say)
+        for number in (signal.SIGTERM, signal.SIGINT):
+            signal.signal(number, lambda *_: station.stop())
+        try:
+            for listener in listeners:
+                listener.start()
+            say(f"site {site.config.site_id}: key {key.key_id.hex()}, listening at {', '.join(site.publish.listen) or 'no endpoint'}")
+            notify("READY=1")
+            station.run(lambda: any(listener.is_alive() for listener in listeners))
+        finally:
+            notify("STOPPING=1")
+            inbox.close()
+            for listener in listeners:
+                listener.stop()
+            recorder.close()
+        for name, dropped in monitor.dropped.items():
+            if dropped:
+                say(f"{name}: {dropped} rows had no partner in the other receivers")
+
+
+class Station:
+    """The thread that decides, and what it speaks to."""
+
+    def __init__(
+        self, site: SiteFile, monitor: StationMonitor, inbox: Inbox, publisher: Publisher, recorder: Recorder, boot_id: bytes, say: Say
+    ) -> None:
+        self._site = site.config
+        self._monitor = monitor
+        self._inbox = inbox
+        self._publisher = publisher
+        self._recorder = recorder
+        self._boot_id = boot_id
+        self._say = say
+        self._stopping = False
+        self._now_ns = mono_now_ns()  # of the event decided last: never steps back
+        self._next_tick_ns = self._now_ns
+        self._gps_ahead_ns: int | None = None  # GPS time minus the monotonic clock, by the last aligned epoch
+        self._first: Snapshot | None = monitor.snapshot()  # until the recording begins, with its first decision
+        self._unrecorded: list[Event] = []
+
+    def stop(self) -> None:
+        """End `run` soon; safe in a signal handler."""
+        self._stopping = True
+        self._inbox.wake()
+
+    def run(self, sources_alive: Callable[[], bool]) -> None:
+        """Decide until stopped, or until the sources have ended and everything that they brought is decided."""
+        sys.setswitchinterval(SWITCH_INTERVAL_S)
+        gc.collect()
+        gc.freeze()  # what stays for good is not searched again and again
+        while not self._stopping:
+            due_ns = self._due_ns()
+            piece = self._inbox.take(due_ns)
+            if piece is None or piece.mono_ns > due_ns:
+                self._tick(max(due_ns, self._now_ns))
+            if piece is not None:
+                self._now_ns = max(self._now_ns, piece.mono_ns)
+                self._decide(RawBytes(self._now_ns, piece.receiver, piece.data))
+            elif not sources_alive():
+                self._say("every source has ended")
+                return
+
+    def _due_ns(self) -> int:
+        """When the next tick is due: each second, and as soon as the monitor would notice a silence."""
+        deadline_ns = self._monitor.next_deadline_ns
+        noticed_ns = self._next_tick_ns if deadline_ns is None or deadline_ns < self._now_ns else deadline_ns + 1
+        return min(self._next_tick_ns, noticed_ns)
+
+    def _tick(self, mono_ns: int) -> None:
+        if mono_now_ns() < mono_ns or self._stopping:
+            return  # woken early
+        self._now_ns = mono_ns
+        if mono_ns >= self._next_tick_ns:
+            self._next_tick_ns = mono_ns + TICK_NS
+        notify("WATCHDOG=1")
+        for receiver, chunks in self._inbox.dropped().items():
+            self._say(f"{receiver}: overloaded, {chunks} pieces of its bytes were lost: is this machine too slow, or too busy?")
+            self._decide(InputLost(mono_ns, receiver, chunks))
+        self._decide(tick(self._site.host_clock, mono_ns))
+
+    def _decide(self, event: Event) -> None:
+        """Record what is decided on, decide, publish, record what was decided."""
+        self._record(event)
+        outputs = self._monitor.feed((event,))
+        if not outputs:
+            return
+        health = {o.sequence: encode_health(o, self._site, SOFTWARE, self._boot_id) for o in outputs if isinstance(o, HealthReport)}
+        for message in health.values():
+            self._publisher.health(message)
+        self._gps_ahead_ns = next((o.gps_time_ns - o.mono_ns for o in outputs if isinstance(o, EpochReport)), self._gps_ahead_ns)
+        self._record_what_came_before()
+        for output in outputs:
+            match output:
+                case HealthReport():
+                    self._recorder.output(health[output.sequence])
+                case EpochReport():
+                    self._publish(encode_report(output), self._publisher.epoch)
+                case Alert():
+                    self._publish(encode_alert(output), self._publisher.alert)
+                    self._say_change(output)
+
+    def _publish(self, message: M, put: Callable[[M], None]) -> None:
+        put(message)
+        self._recorder.output(message)
+
+    def _record(self, event: Event) -> None:
+        if self._first is not None:
+            self._unrecorded.append(event)  # at most until the first silence is noticed
+            return
+        if self._recorder.wants_snapshot(event.mono_ns):
+            self._begin(self._monitor.snapshot(), event.mono_ns)
+        self._recorder.event(event)
+
+    def _record_what_came_before(self) -> None:
+        """The recording begins with the first decision: then the time is known, by which the file is named."""
+        if self._first is None:
+            return
+        self._begin(self._first, self._unrecorded[0].mono_ns)
+        for event in self._unrecorded:
+            self._recorder.event(event)
+        self._first, self._unrecorded = None, []
+
+    def _begin(self, snapshot: Snapshot, mono_ns: int) -> None:
+        """A new file, by GNSS time if there is any."""
+        ahead_ns = self._gps_ahead_ns
+        gps_ns = gps_from_utc(tick(self._site.host_clock, mono_ns).utc_ns) if ahead_ns is None else mono_ns + ahead_ns
+        self._recorder.begin(encode_snapshot(snapshot, self._site.receiver_names, mono_ns), mono_ns, gps_ns)
+
+    def _say_change(self, alert: Alert) -> None:
+        line = changed(alert.state, alert.cause, alert.subjects, alert.reasons)
+        when = "" if alert.gps_time_ns is None else f"{format_utc(alert.gps_time_ns)}  "
+        self._say(f"{when}{line}")
+        notify(f"STATUS={line}")

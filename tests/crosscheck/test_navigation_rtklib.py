@@ -1,0 +1,165 @@
+"""Navigation messages against RTKLIB: what both make of the bytes of real receivers, and what RTKLIB makes of words that we encode.
+
+RTKLIB tells a set anew when its issue or reference time changes; ours are compared with its own by satellite and issue, to the last bit.
+"""
+
+import gzip
+import math
+from collections.abc import Iterator
+from pathlib import Path
+from types import ModuleType
+from typing import Any, NamedTuple
+
+import pytest
+
+from integrity.gnss.atmosphere import Klobuchar
+from integrity.gnss.ephemeris import Ephemeris
+from integrity.gnss.gps_time import GPS_EPOCH_UNIX_S, NS_PER_S, gps_from_week
+from integrity.gnss.navigation.collector import NavigationCollector
+from integrity.gnss.navigation.inav import SISA_M
+from integrity.gnss.navigation.lnav import URA_UPPER_M
+from integrity.gnss.ubx.framing import Framer, frame_bytes
+from integrity.gnss.ubx.rawx import RXM_RAWX, decode_rawx
+from integrity.gnss.ubx.sfrbx import RXM_SFRBX, decode_sfrbx
+from recordings.simulate.constellation import IONOSPHERE, constellation
+from recordings.simulate.navigation_words import inav_words, lnav_words
+
+GALILEO_OFFSET = {"G": 0, "E": 59}  # of RTKLIB's satellite numbers, with 27 satellites of GLONASS between
+NEWEST_EPHEMERIS = 2  # what RTKLIB returns when it has one
+LOGS = ["ubx_security_2025/16dBatt_no_interference_coldstart.ubx.gz", "drive_imu/walk_gnss_1730.ubx.gz"]
+SIMULATED_NS = gps_from_week(2300, 259_200.0)  # past, as RTKLIB resolves the week by the computer's clock
+
+Sets = dict[tuple[str, int], Ephemeris]
+
+
+def from_rtklib(data: bytes, rtklib: ModuleType) -> tuple[Sets, Klobuchar]:
+    """Every GPS and Galileo I/NAV set that RTKLIB finds in a UBX stream, and its ionosphere, both as ours."""
+    raw = rtklib.raw_t()
+    assert rtklib.init_raw(raw, rtklib.STRFMT_UBX)
+    sets: Sets = {}
+    for byte in data:
+        if rtklib.input_ubx(raw, byte) == NEWEST_EPHEMERIS and raw.ephset == 0:
+            system = "G" if raw.ephsat <= 32 else "E"
+            number = raw.ephsat - GALILEO_OFFSET[system]
+            if 1 <= number <= 36:
+                eph = as_ours(f"{system}{number:02d}", raw.nav.eph[raw.ephsat - 1])
+                sets.setdefault((eph.satellite, eph.issue), eph)
+    ion = [raw.nav.ion_gps[k] for k in range(8)]
+    rtklib.free_raw(raw)
+    return sets, Klobuchar((ion[0], ion[1], ion[2], ion[3]), (ion[4], ion[5], ion[6], ion[7]))
+
+
+def as_ours(satellite: str, e: Any) -> Ephemeris:
+    """RTKLIB's record with the meaning that indices and flags have by IS-GPS-200 and the Galileo OS SIS ICD."""
+    galileo = satellite[0] == "E"
+    accuracies = SISA_M if galileo else URA_UPPER_M
+    return Ephemeris(
+        satellite=satellite,
+        issue=e.iode,
+        healthy=e.svh & 0b111 == 0 if galileo else e.svh == 0,
+        accuracy_m=accuracies[e.sva] if e.sva < len(accuracies) else None,
+        transmission_ns=gps_ns(e.ttr),
+        toe_ns=gps_ns(e.toe),
+        toc_ns=gps_ns(e.toc),
+        fit_half_s=14_400.0 if galileo else {0.0: 7200.0, 4.0: 7200.0}.get(e.fit, 10_800.0),
+        sqrt_a=math.sqrt(e.A),
+        e=e.e,
+        i0=e.i0,
+        omega0=e.OMG0,
+        omega=e.omg,
+        m0=e.M0,
+        delta_n=e.deln,
+        i_dot=e.idot,
+        omega_dot=e.OMGd,
+        cuc=e.cuc,
+        cus=e.cus,
+        crc=e.crc,
+        crs=e.crs,
+        cic=e.cic,
+        cis=e.cis,
+        af0=e.f0,
+        af1=e.f1,
+        af2=e.f2,
+        group_delay_s=e.tgd[1] if galileo else e.tgd[0],
+    )
+
+
+def gps_ns(t: Any) -> int:
+    return int((t.time - GPS_EPOCH_UNIX_S) * NS_PER_S + round(t.sec * NS_PER_S))
+
+
+def from_us(data: bytes) -> tuple[Sets, list[Klobuchar]]:
+    """Every set that we tell of a UBX stream, the first one of each issue; the ionosphere whenever it came."""
+    collector = NavigationCollector()
+    near_ns: int | None = None
+    told: list[Ephemeris | Klobuchar] = []
+    for frame in Framer().feed(data):
+        if frame[:2] == RXM_RAWX and (row := decode_rawx([frame.payload], "A")[0]):
+            if near_ns is None:
+                told += collector.complete(row.receive_time_ns)
+            near_ns = row.receive_time_ns
+        elif frame[:2] == RXM_SFRBX and (words := decode_sfrbx(frame.payload)):
+            told += collector.take(words, near_ns)
+    sets: Sets = {}
+    for one in told:
+        if isinstance(one, Ephemeris):
+            sets.setdefault((one.satellite, one.issue), one)
+    return sets, [one for one in told if isinstance(one, Klobuchar)]
+
+
+class Logged(NamedTuple):
+    """What both make of a log."""
+
+    rtklib: Sets
+    ours: Sets
+    rtklib_ionosphere: Klobuchar
+    our_ionospheres: list[Klobuchar]
+
+
+@pytest.fixture(scope="module", params=LOGS, ids=["generation-10", "generation-9"])
+def logged(request: pytest.FixtureRequest, shared_data: Path, rtklib: ModuleType) -> Logged:
+    data = gzip.decompress((shared_data / request.param).read_bytes())
+    (theirs, ionosphere), (ours, ionospheres) = from_rtklib(data, rtklib), from_us(data)
+    return Logged(theirs, ours, ionosphere, ionospheres)
+
+
+def test_both_find_the_same_satellites_and_issues(logged: Logged) -> None:
+    assert logged.ours.keys() == logged.rtklib.keys()
+
+
+def test_a_log_has_both_systems(logged: Logged) -> None:
+    assert {satellite[0] for satellite, _ in logged.ours} == {"G", "E"}
+
+
+def test_every_set_is_the_same_to_the_last_bit(logged: Logged) -> None:
+    assert logged.ours == logged.rtklib
+
+
+def test_the_ionosphere_is_the_same_to_the_last_bit(logged: Logged) -> None:
+    assert logged.our_ionospheres[-1:] == ([logged.rtklib_ionosphere] if any(logged.rtklib_ionosphere.beta) else [])
+
+
+def simulated_bytes() -> tuple[Sets, bytes]:
+    """One set of every satellite of a constellation, and the UBX stream that sends it: GPS frames, then Galileo's."""
+    sets = {(eph.satellite, eph.issue): eph for eph in constellation(11, SIMULATED_NS, SIMULATED_NS)}
+    return sets, b"".join(frame for eph in sets.values() for frame in sent(eph))
+
+
+def sent(eph: Ephemeris) -> Iterator[bytes]:
+    gnss_id, numbers = (0, (1, 2, 3, 4, 5)) if eph.satellite[0] == "G" else (2, (2, 4, 0, 1, 3, 5))
+    for k, number in enumerate(numbers):
+        if gnss_id == 0:
+            words = lnav_words(eph, IONOSPHERE, number, eph.transmission_ns + 6 * NS_PER_S * k)
+        else:
+            words = inav_words(eph, IONOSPHERE, number, eph.transmission_ns)
+        header = bytes((gnss_id, int(eph.satellite[1:]), gnss_id // 2, 0, len(words), 0, 2, 0))
+        yield frame_bytes(*RXM_SFRBX, header + b"".join(word.to_bytes(4, "little") for word in words))
+
+
+def test_rtklib_reads_what_we_send_to_the_last_bit(rtklib: ModuleType) -> None:
+    sets, stream = simulated_bytes()
+    assert from_rtklib(stream, rtklib)[0] == sets
+
+
+def test_rtklib_reads_the_ionosphere_that_we_send(rtklib: ModuleType) -> None:
+    assert from_rtklib(simulated_bytes()[1], rtklib)[1] == IONOSPHERE
