@@ -2,7 +2,7 @@
 
 An aligned epoch is one row of every receiver at one nominal time. A row too far from a nominal time, a second row for the same
 time, and a row whose time has passed are dropped and counted; rows that never find their partners are dropped when a later epoch
-is complete. Two rows of one receiver for one time that do not say the same are two receivers on one link: nothing is normal then.
+is complete. Two rows of one receiver at one time that do not say the same are two receivers on one link: nothing is normal then.
 """
 
 from collections import Counter
@@ -137,7 +137,7 @@ class Assembler:
         rows = self._last_rows if epoch_ns == self.last_epoch_ns else self._pending.get(epoch_ns, {})
         if off_grid or past or row.receiver in rows:
             self.dropped[row.receiver] += 1
-            if row.receiver in rows and not off_grid and not same_measurements(rows[row.receiver], row):
+            if row.receiver in rows and self._contradict(rows[row.receiver], row):
                 why = f"{row.receiver} measured twice at one time, differently: two receivers on one link?"
                 return [self._interruption(event.mono_ns, (row.receiver,), why)]
             return []
@@ -147,6 +147,11 @@ class Assembler:
                 self._give_up(next(iter(self._pending)))
             return []
         return self._completed(epoch_ns, event.mono_ns)
+
+    def _contradict(self, first: ObservationRow, second: ObservationRow) -> bool:
+        """Whether two rows of one time differ; rows of a receiver that merely sends more often than it should are of other times."""
+        apart_ns = abs(second.receive_time_ns - first.receive_time_ns)
+        return apart_ns <= self._limits.same_time_ns and not same_measurements(first, second)
 
     def _completed(self, epoch_ns: int, mono_ns: int) -> list[AlignedEpoch | Interruption]:
         complete = self._pending.pop(epoch_ns)

@@ -59,6 +59,7 @@ class Limits:
     remember_satellite_ns: int
     loss_elevation_rad: float
     alignment_tolerance_ns: int
+    same_time_ns: int  # receivers of one kind tag an epoch within a few ms of each other; own choice
     silence_ns: int
     recover_after_ns: int
     recover_epochs: int
@@ -195,6 +196,7 @@ def derive(site: SiteConfig, triangle: ReferenceTriangle) -> Limits:
         pseudorange_range_m=(1.0e7, 1.0e8),
         remember_satellite_ns=600 * NS_PER_S,
         loss_elevation_rad=float(np.deg2rad(15.0)),
+        same_time_ns=NS_PER_S // 100,
         alignment_tolerance_ns=alignment_tolerance_ns(site.epoch_interval_ns),
         silence_ns=max(2 * site.epoch_interval_ns, 2 * NS_PER_S),
         recover_after_ns=round(promises.recover_after_s * NS_PER_S),

@@ -1,9 +1,8 @@
-"""Topics of a recording and their messages: protobuf, self-describing, opens in any MCAP viewer; and the bytes of receivers as they came."""
+"""Topics of a recording: messages in protobuf, self-describing, for any MCAP viewer; and the bytes of receivers as they came."""
 
 import re
 from collections.abc import Iterable
 
-from google.protobuf.descriptor import FileDescriptor
 from google.protobuf.descriptor_pb2 import FileDescriptorSet
 from google.protobuf.message import Message
 
@@ -77,13 +76,11 @@ def message_type(topic: str) -> type[Message] | None:
 
 def schema_bytes(message_type: type[Message]) -> bytes:
     """The descriptor set that makes a recording self-describing: the file of a message and, before it, those that it builds on."""
+    needed = [message_type.DESCRIPTOR.file]
+    for file in needed:
+        needed += file.dependencies
     files = FileDescriptorSet()
-
-    def add(file: FileDescriptor) -> None:
-        for needed in file.dependencies:
-            add(needed)
+    for file in reversed(needed):
         file.CopyToProto(files.file.add())
-
-    add(message_type.DESCRIPTOR.file)
     data: bytes = files.SerializeToString(deterministic=True)
     return data

@@ -1,6 +1,7 @@
 """Commands on recordings: import, replay, inject, simulate, and looking after the files."""
 
 import json
+import math
 import sys
 import time
 from collections.abc import Iterator, Sequence
@@ -175,26 +176,63 @@ def inject(
 @commands.command()
 def simulate(
     scenario: Annotated[Path, typer.Argument(help="Scenario file (TOML).", show_default=False)],
-    output: Output,
+    output: Annotated[Path | None, typer.Option("--output", "-o", help="Where to write a recording.", show_default=False)] = None,
+    serve: Annotated[str | None, typer.Option("--serve", help="HOST:PORT of the first receiver, the others follow; 0: free ports.")] = None,
+    speed: Annotated[float, typer.Option("--speed", help="Times real time, of --serve.")] = 1.0,
 ) -> None:
-    """A recording of what never happened: simulated satellites, receivers and faults; the truth goes along as metadata.
+    """What never happened: simulated satellites, receivers and faults, as a recording (truth as metadata), as live receivers, or both.
 
     Example: wayside simulate recordings/samples/triangle.toml -o triangle.mcap
     """
     from recordings.faults import inject as with_faults
     from recordings.faults import parse_faults
     from recordings.replay import decide_and_record, redacted
+    from recordings.simulate.observations import antennas_of
     from recordings.simulate.observations import simulate as simulated
+    from recordings.simulate.receiver import as_bytes
     from recordings.simulate.scenario import parse_scenario
 
+    if output is None and serve is None:
+        raise ConfigError("nothing to do: give -o OUT.mcap for a recording, --serve HOST:PORT for live receivers, or both")
+    if not 0.0 < speed < math.inf:
+        raise ConfigError(f"--speed {speed:g}: expected a number above 0; 1 is real time")
     text = _text(scenario)
     story = parse_scenario(text, str(scenario))
     site = story.site
+    address = None if serve is None else _first_address(serve, len(site.config.receivers))
     faults = parse_faults(story.faults, str(scenario), story.start_ns, site.config) if story.faults.strip() else ()
-    events = simulated(site.config, story.start_ns, story.duration_s, story.rate_hz, story.seed)
-    truth = {"faults": story.faults.strip() + "\n", "scenario": redacted(text)}
-    decide_and_record(output, site, with_faults(events, faults, site.config), {"truth": truth}, watch=watched)
-    talk(f"{output}: simulated, {len(faults)} fault{'s' if len(faults) != 1 else ''}")
+    measured = simulated(site.config, story.start_ns, story.duration_s, story.rate_hz, story.seed)
+    events = as_bytes(with_faults(measured, faults, site.config), antennas_of(site.config))
+    if output is not None:
+        truth = {"faults": story.faults.strip() + "\n", "scenario": redacted(text)}
+        decide_and_record(output, site, events, {"truth": truth}, watch=watched)
+        talk(f"{output}: simulated, {len(faults)} fault{'s' if len(faults) != 1 else ''}")
+    if address is not None:
+        _serve(events, site.config.receiver_names, *address, speed)
+
+
+def _first_address(text: str, receivers: int) -> tuple[str, int]:
+    host, _, port = text.rpartition(":")
+    host = host.removeprefix("[").removesuffix("]")
+    if not host or not port.isdecimal() or int(port) > 65_536 - receivers:
+        raise ConfigError(
+            f"--serve {text}: expected HOST:PORT with {receivers} ports from there on, such as 127.0.0.1:20001; port 0 takes free ones"
+        )
+    return host, int(port)
+
+
+def _serve(events: Sequence[Event], receivers: Sequence[str], host: str, port: int, speed: float) -> None:
+    """Addresses are talk where the caller has chosen them, and data where they were free ports."""
+    from recordings.simulate.server import ReceiverServer
+
+    with ReceiverServer(receivers, host, port) as server:
+        for receiver, (at, chosen) in server.addresses.items():
+            print(f"{receiver} at tcp://{f'[{at}]' if ':' in at else at}:{chosen}", file=sys.stderr if port else sys.stdout, flush=True)
+        talk("waiting for a client of every receiver")
+        server.wait_for_clients()
+        talk("started")
+        server.play(events, speed)
+    talk("ended")
 
 
 @recording_commands.command("info")

@@ -1,5 +1,7 @@
 """What is remembered of receivers' bytes, and what they say of themselves, to messages and back."""
 
+from typing import Any
+
 from integrity.errors import DecodeError
 from integrity.gnss.navigation.collector import Page
 from integrity.gnss.receiver_status import Antenna, Jamming, ReceiverStatus, Spoofing
@@ -46,8 +48,8 @@ def encode_status(status: ReceiverStatus) -> pb.ReceiverStatus:
 
 def decode_status(message: pb.ReceiverStatus) -> ReceiverStatus:
     """What a receiver has said; DecodeError for a word that nobody knows."""
-    said = {name: getattr(message, name) for name in (*_PLAIN, *_WORDS) if message.HasField(name)}
+    said: dict[str, Any] = {name: getattr(message, name) for name in (*_PLAIN, *_WORDS) if message.HasField(name)}
     try:
-        return ReceiverStatus(**{name: _WORDS[name](value) if name in _WORDS else value for name, value in said.items()})
+        return ReceiverStatus(**said | {name: word(said[name]) for name, word in _WORDS.items() if name in said})
     except ValueError as error:
         raise DecodeError(f"snapshot: status of a receiver: {error}") from None

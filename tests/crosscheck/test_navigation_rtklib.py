@@ -1,11 +1,13 @@
 """Navigation messages against RTKLIB: what both make of the bytes of real receivers, and what RTKLIB makes of words that we encode.
 
-RTKLIB tells a set anew when its issue or reference time changes; ours are compared with its own by satellite and issue, to the last bit.
+Sets are compared by satellite and issue. RTKLIB writes powers of two and pi with 14 to 16 digits, so that its values are within 3e-15 of
+ours; a field's last bit is more than 2e-10 of the largest value, so that a difference of one bit is far above the tolerance.
 """
 
 import gzip
 import math
 from collections.abc import Iterator
+from dataclasses import fields
 from pathlib import Path
 from types import ModuleType
 from typing import Any, NamedTuple
@@ -26,7 +28,15 @@ from recordings.simulate.navigation_words import inav_words, lnav_words
 
 GALILEO_OFFSET = {"G": 0, "E": 59}  # of RTKLIB's satellite numbers, with 27 satellites of GLONASS between
 NEWEST_EPHEMERIS = 2  # what RTKLIB returns when it has one
-LOGS = ["ubx_security_2025/16dBatt_no_interference_coldstart.ubx.gz", "drive_imu/walk_gnss_1730.ubx.gz"]
+TOLERANCE = 1e-14  # relative
+GPS_LATER_NS = 6 * NS_PER_S  # RTKLIB takes the time in the handover word, which is that of the next subframe's beginning
+GALILEO_LATER_NS = (0, 30 * NS_PER_S)  # RTKLIB waits for a word of type 0 as well, and may take the next word 5 with it
+
+# Log, and the sets that RTKLIB does not have because no word of type 0 came.
+LOGS = {
+    "generation-10": ("ubx_security_2025/16dBatt_no_interference_coldstart.ubx.gz", set()),
+    "generation-9": ("drive_imu/walk_gnss_1730.ubx.gz", {("E08", 45)}),
+}
 SIMULATED_NS = gps_from_week(2300, 259_200.0)  # past, as RTKLIB resolves the week by the computer's clock
 
 Sets = dict[tuple[str, int], Ephemeris]
@@ -88,8 +98,8 @@ def gps_ns(t: Any) -> int:
     return int((t.time - GPS_EPOCH_UNIX_S) * NS_PER_S + round(t.sec * NS_PER_S))
 
 
-def from_us(data: bytes) -> tuple[Sets, list[Klobuchar]]:
-    """Every set that we tell of a UBX stream, the first one of each issue; the ionosphere whenever it came."""
+def from_us(data: bytes) -> Sets:
+    """Every set that we tell of a UBX stream, the first one of each issue."""
     collector = NavigationCollector()
     near_ns: int | None = None
     told: list[Ephemeris | Klobuchar] = []
@@ -101,30 +111,41 @@ def from_us(data: bytes) -> tuple[Sets, list[Klobuchar]]:
         elif frame[:2] == RXM_SFRBX and (words := decode_sfrbx(frame.payload)):
             told += collector.take(words, near_ns)
     sets: Sets = {}
-    for one in told:
-        if isinstance(one, Ephemeris):
-            sets.setdefault((one.satellite, one.issue), one)
-    return sets, [one for one in told if isinstance(one, Klobuchar)]
+    for eph in told:
+        if isinstance(eph, Ephemeris):
+            sets.setdefault((eph.satellite, eph.issue), eph)
+    return sets
+
+
+def differences(ours: Ephemeris, theirs: Ephemeris) -> list[str]:
+    """Fields in which two sets differ by more than RTKLIB's constants do."""
+    later_ns = (GPS_LATER_NS,) if ours.satellite[0] == "G" else GALILEO_LATER_NS
+    found = [] if theirs.transmission_ns - ours.transmission_ns in later_ns else ["transmission_ns"]
+    for name in (field.name for field in fields(Ephemeris) if field.name != "transmission_ns"):
+        a, b = getattr(ours, name), getattr(theirs, name)
+        if a != b and not (isinstance(a, float) and isinstance(b, float) and abs(a - b) <= TOLERANCE * abs(b)):
+            found.append(f"{ours.satellite} {name}: {a!r} instead of {b!r}")
+    return found
 
 
 class Logged(NamedTuple):
-    """What both make of a log."""
+    """What both make of a log, and the sets that only we can have."""
 
     rtklib: Sets
     ours: Sets
-    rtklib_ionosphere: Klobuchar
-    our_ionospheres: list[Klobuchar]
+    only_ours: set[tuple[str, int]]
 
 
-@pytest.fixture(scope="module", params=LOGS, ids=["generation-10", "generation-9"])
+@pytest.fixture(scope="module", params=LOGS.values(), ids=LOGS.keys())
 def logged(request: pytest.FixtureRequest, shared_data: Path, rtklib: ModuleType) -> Logged:
-    data = gzip.decompress((shared_data / request.param).read_bytes())
-    (theirs, ionosphere), (ours, ionospheres) = from_rtklib(data, rtklib), from_us(data)
-    return Logged(theirs, ours, ionosphere, ionospheres)
+    path, only_ours = request.param
+    data = gzip.decompress((shared_data / path).read_bytes())
+    return Logged(from_rtklib(data, rtklib)[0], from_us(data), only_ours)
 
 
 def test_both_find_the_same_satellites_and_issues(logged: Logged) -> None:
-    assert logged.ours.keys() == logged.rtklib.keys()
+    plausible = {key for key, eph in logged.rtklib.items() if eph.implausibility() is None}  # not E14 and E18: far from circular
+    assert logged.ours.keys() == plausible | logged.only_ours
 
 
 def test_a_log_has_both_systems(logged: Logged) -> None:
@@ -132,11 +153,7 @@ def test_a_log_has_both_systems(logged: Logged) -> None:
 
 
 def test_every_set_is_the_same_to_the_last_bit(logged: Logged) -> None:
-    assert logged.ours == logged.rtklib
-
-
-def test_the_ionosphere_is_the_same_to_the_last_bit(logged: Logged) -> None:
-    assert logged.our_ionospheres[-1:] == ([logged.rtklib_ionosphere] if any(logged.rtklib_ionosphere.beta) else [])
+    assert [d for key in logged.ours.keys() & logged.rtklib.keys() for d in differences(logged.ours[key], logged.rtklib[key])] == []
 
 
 def simulated_bytes() -> tuple[Sets, bytes]:
@@ -156,10 +173,17 @@ def sent(eph: Ephemeris) -> Iterator[bytes]:
         yield frame_bytes(*RXM_SFRBX, header + b"".join(word.to_bytes(4, "little") for word in words))
 
 
+def test_rtklib_hears_every_satellite_that_we_send(rtklib: ModuleType) -> None:
+    sets, stream = simulated_bytes()
+    assert from_rtklib(stream, rtklib)[0].keys() == sets.keys()
+
+
 def test_rtklib_reads_what_we_send_to_the_last_bit(rtklib: ModuleType) -> None:
     sets, stream = simulated_bytes()
-    assert from_rtklib(stream, rtklib)[0] == sets
+    read, _ = from_rtklib(stream, rtklib)
+    assert [d for key in sets for d in differences(sets[key], read[key])] == []
 
 
 def test_rtklib_reads_the_ionosphere_that_we_send(rtklib: ModuleType) -> None:
-    assert from_rtklib(simulated_bytes()[1], rtklib)[1] == IONOSPHERE
+    ionosphere = from_rtklib(simulated_bytes()[1], rtklib)[1]
+    assert ionosphere.alpha + ionosphere.beta == pytest.approx(IONOSPHERE.alpha + IONOSPHERE.beta, rel=TOLERANCE)

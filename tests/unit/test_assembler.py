@@ -1,4 +1,4 @@
-"""Rows, ticks and ephemerides in; aligned epochs and silences out."""
+"""Rows, ticks and ephemerides in; aligned epochs and interruptions out."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -9,10 +9,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from integrity.assembler import MOST_PENDING_EPOCHS, AlignedEpoch, Assembler, AssemblerState, Interruption, nominal_epoch_ns
-from integrity.events import EphemerisReceived, Event, IonosphereReceived, ObservationsReceived, Tick
+from integrity.events import EphemerisReceived, Heard, InputLost, IonosphereReceived, ObservationsReceived, StatusReceived, Tick
 from integrity.gnss.ephemeris import EphemerisStore
 from integrity.gnss.gps_time import NS_PER_S
 from integrity.gnss.observations import ObservationRow
+from integrity.gnss.receiver_status import Jamming, ReceiverStatus, Spoofing
 from recordings.simulate.constellation import IONOSPHERE, constellation
 from tests.unit.streams import LIMITS, START_NS
 
@@ -31,7 +32,7 @@ def received(receiver: str, epoch_s: float, late_s: float = 0.0) -> Observations
     return ObservationsReceived(MONO_NS + round((epoch_s + late_s) * NS_PER_S), row)
 
 
-def everyone(*epochs_s: float) -> list[Event]:
+def everyone(*epochs_s: float) -> list[Heard]:
     return [received(r, t) for t in epochs_s for r in RECEIVERS]
 
 
@@ -109,6 +110,49 @@ def test_a_second_row_for_the_same_time_is_dropped() -> None:
     (epoch,) = a.take([first, second, received("B", 0), received("C", 0)])
     assert isinstance(epoch, AlignedEpoch)
     assert (epoch.rows[0], dict(a.dropped)) == (first.row, {"A": 1})
+
+
+@pytest.mark.parametrize(
+    ("apart_ns", "interrupted"), [(1, True), (LIMITS.same_time_ns, True), (LIMITS.same_time_ns + 1, False), (50_000_000, False)]
+)
+@pytest.mark.parametrize("complete", [False, True])
+def test_two_rows_at_one_time_that_differ_are_two_receivers_on_one_link(apart_ns: int, interrupted: bool, complete: bool) -> None:
+    a = assembler()
+    a.take(everyone(0) if complete else [received("A", 0)])
+    out = a.take([received("A", apart_ns / NS_PER_S)])
+    assert silences(out) == ([("A",)] if interrupted else [])
+
+
+@pytest.mark.parametrize("complete", [False, True])
+def test_the_same_row_twice_is_no_interruption(complete: bool) -> None:
+    a = assembler()
+    a.take(everyone(0) if complete else [received("A", 0)])
+    assert a.take([received("A", 0)]) == []
+
+
+def test_two_receivers_on_one_link_are_known_after_a_snapshot() -> None:
+    a = assembler()
+    a.take(everyone(0))
+    assert silences(assembler(a.state()).take([received("C", 0.001)])) == [("C",)]
+
+
+def test_lost_input_interrupts() -> None:
+    a = assembler()
+    a.take(everyone(0))
+    (lost,) = a.take([InputLost(MONO_NS + 1, "B", 3)])
+    assert isinstance(lost, Interruption)
+    assert (lost.receivers, lost.last_epoch_ns) == (("B",), START_NS)
+
+
+def test_what_receivers_say_goes_along_with_the_epoch() -> None:
+    a = assembler()
+    said = [
+        StatusReceived(MONO_NS, "B", ReceiverStatus(jamming=Jamming.WARNING)),
+        StatusReceived(MONO_NS, "B", ReceiverStatus(spoofing=Spoofing.INDICATED)),
+        StatusReceived(MONO_NS, "X", ReceiverStatus(spoofing=Spoofing.INDICATED)),
+    ]
+    (epoch,) = a.take([*said, *everyone(0)])
+    assert epoch.statuses == (("B", ReceiverStatus(jamming=Jamming.WARNING, spoofing=Spoofing.INDICATED)),)
 
 
 def test_an_epoch_repeated_by_everyone_is_decided_once() -> None:

@@ -40,7 +40,7 @@ def decided(prefit_m: Floats, table: Table | None = None, screened: Bools | None
     sees = np.ones(shape, dtype=np.bool_) if screened is None else np.broadcast_to(screened, shape)
     inputs = SatelliteInputs(prefit_m, np.full(shape, SIGMA_M), np.full(shape, SIGMA_DIFFERENTIAL_M), sees, SYSTEM_OF, 2)
     epoch_ns = NS_PER_S * (start_s + np.arange(len(prefit_m)))
-    return walk(table or {}, inputs, RECEIVERS, SATELLITES, epoch_ns, LIMITS)
+    return walk(table or {}, inputs, inputs.statistics(sees), RECEIVERS, SATELLITES, epoch_ns, LIMITS)
 
 
 def used(walked: Walk, e: int = -1) -> set[str]:
@@ -86,7 +86,7 @@ def test_a_step_that_lifts_an_innocent_satellite_over_its_limit_excludes_only_th
     # The weighted-mean clock moves by STEP / 8 against all others; G05 stands near its limit already, on the other side.
     near_limit_m = -0.7 * LIMITS["residual"]
     ranges = with_fault("G05", near_limit_m, on=with_fault("G03", STEP_M))
-    statistic, _ = inputs_of(ranges).statistics(np.ones((1, N), dtype=np.bool_))
+    statistic = inputs_of(ranges).statistics(np.ones((1, N), dtype=np.bool_)).residual_sigmas
     assert (statistic[0, SATELLITES.index("G05")] > LIMITS["residual"], set(decided(ranges).table)) == (True, {"G03"})
 
 
@@ -193,7 +193,7 @@ def test_is_used_from_the_epoch_after_it_came_back() -> None:
 def test_time_alone_does_not_bring_it_back() -> None:
     # Two clean epochs 10 s apart, three are needed.
     inputs = inputs_of(sky(2))
-    walked = walk(OUT, inputs, RECEIVERS, SATELLITES, NS_PER_S * np.array([10, 20]), LIMITS)
+    walked = walk(OUT, inputs, inputs.statistics(inputs.screened), RECEIVERS, SATELLITES, NS_PER_S * np.array([10, 20]), LIMITS)
     assert set(walked.table) == {"G03"}
 
 

@@ -149,7 +149,7 @@ def test_what_all_receivers_share_is_not_in_the_b_values(common_m: float) -> Non
 def test_b_values_are_normalised() -> None:
     sigma_d = np.full((100_000, N), 0.4)
     own = np.random.default_rng(6).normal(0.0, 0.4, (100_000, 3, N))
-    variance = normalised_b_values(own, sigma_d).var(axis=0)
+    variance = normalised_b_values(b_values_m(own), sigma_d).var(axis=0)
     # Four standard errors of a variance, and some room for the largest of 24.
     assert variance == pytest.approx(np.ones((3, N)), abs=5.0 * np.sqrt(2.0 / 100_000))
 

@@ -163,6 +163,6 @@ def _unpacked(page: Page) -> _Kept:
         if page.number in PAGES_OF_SET[system] and page.number == _number(system, kept.message):
             return kept
     raise DecodeError(
-        f"navigation page {page.number} of {page.satellite!r} in a snapshot: {len(page.data)} bytes {page.data[:8].hex()}... are no such page; "
+        f"navigation page {page.number} of {page.satellite!r} in a snapshot: {page.data.hex()} is no such page; "
         "the snapshot is damaged: start without it"
     )
