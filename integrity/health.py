@@ -56,8 +56,8 @@ def _counts(now: Health, verdict: Verdict, gps_ns: int) -> Health:
 
 
 def _normal(now: Health, verdict: Verdict, gps_ns: int) -> Health:
-    counted = _counts(now, verdict, gps_ns)
-    return replace(counted, state=State.NORMAL, cause=Cause.NONE, subjects=())
+    since_ns = gps_ns if now.clean_since_ns is None else now.clean_since_ns
+    return Health(State.NORMAL, Cause.NONE, (), since_ns, now.clean_epochs + 1)
 
 
 TABLE: dict[Input, Callable[[Health, Verdict, int], Health]] = {

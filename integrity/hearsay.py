@@ -12,14 +12,9 @@ from integrity.triangle import ReferenceTriangle
 
 FAR_M = 1000.0  # beyond every error of a fix: another site's receiver, another city, or a spoofer
 
-WORDS = {
-    Jamming.WARNING: "interference",
-    Jamming.CRITICAL: "interference that leaves it no fix",
-    Spoofing.INDICATED: "spoofing",
-    Spoofing.INDICATED_AGAIN: "spoofing, by several of its detectors",
-    Antenna.SHORT_CIRCUIT: "a short circuit at its antenna",
-    Antenna.OPEN: "no antenna",
-}
+OF_JAMMING = {Jamming.WARNING: "interference", Jamming.CRITICAL: "interference that leaves it no fix"}
+OF_SPOOFING = {Spoofing.INDICATED: "spoofing", Spoofing.INDICATED_AGAIN: "spoofing, by several of its detectors"}
+OF_ANTENNA = {Antenna.SHORT_CIRCUIT: "a short circuit at its antenna", Antenna.OPEN: "no antenna"}
 
 
 @lru_cache(maxsize=4)
@@ -30,7 +25,12 @@ def remarks(statuses: Statuses, triangle: ReferenceTriangle) -> tuple[str, ...]:
 
 
 def _of(receiver: str, status: ReceiverStatus, surveyed_ecef_m: Floats) -> list[str]:
-    found = [f"{receiver} reports {WORDS[w]}" for w in (status.jamming, status.spoofing, status.antenna) if w is not None and w in WORDS]
+    said = (
+        OF_JAMMING.get(status.jamming or Jamming.NONE_SEEN),
+        OF_SPOOFING.get(status.spoofing or Spoofing.NONE_SEEN),
+        OF_ANTENNA.get(status.antenna or Antenna.IN_ORDER),
+    )
+    found = [f"{receiver} reports {words}" for words in said if words]
     if status.fix_ok is False:
         found.append(f"{receiver} reports no fix of its own")
     elif status.fix_ok and status.lat_rad is not None and status.lon_rad is not None and status.height_m is not None:

@@ -72,5 +72,6 @@ def screen(block: ObservationBlock, at_points: Prefit, healthy: Bools, system_of
     for s in range(1, len(block.satellites)):
         if block.satellites[s] != block.satellites[first]:
             first = s
-        screened[:, s] &= ~screened[:, first:s].any(axis=1)
+        else:
+            screened[:, s] &= ~screened[:, first:s].any(axis=1)
     return without_lone_satellites(screened, system_of, len(SYSTEMS))

@@ -49,31 +49,40 @@ def import_(
     start: Annotated[str | None, typer.Option("--start", help="First epoch, UTC.")] = None,
     end: Annotated[str | None, typer.Option("--end", help="End, UTC, not included.")] = None,
 ) -> None:
-    """RINEX files of three receivers to one recording, decided on the way.
+    """RINEX files or u-blox logs of three receivers to one recording, decided on the way.
 
-    Example: wayside import --site site.toml --receiver A=a.10o.gz --receiver B=b.10o --receiver C=c.10o --nav brdc.10n.gz -o day.mcap
+    A log brings its own ephemerides; RINEX needs --nav.
+
+    Example: wayside import --site site.toml --receiver A=a.10o.gz --receiver B=b.10o --receiver C=c.ubx --nav brdc.10n.gz -o day.mcap
     """
-    from recordings.importer import import_files
+    from recordings.importer import import_files, read_files
     from recordings.replay import decide_and_record, window
     from recordings.rinex.navigation import read_navigation
-    from recordings.rinex.observation import read_observations
     from recordings.site_file import load_site
+    from recordings.ubx_files import UbxLog
 
     site_file = load_site(site)
     start_ns, end_ns = window(start, end)
     files = _files_of_receivers(receiver, site_file.config.receiver_names)
-    observations = {name: [read_observations(path, name) for path in paths] for name, paths in files.items()}
+    observations = {name: read_files(paths, name) for name, paths in files.items()}
     navigation = [read_navigation(path) for path in nav or []]
-    if not navigation:
-        raise ConfigError("no navigation file: give the broadcast ephemerides of the day with --nav FILE")
+    logs = [file for group in observations.values() for file in group if isinstance(file, UbxLog)]
+    if not navigation and not logs:
+        raise ConfigError(
+            "no navigation file: give the broadcast ephemerides of the day with --nav FILE; only UBX logs bring their own (RXM-SFRBX)"
+        )
     imported = import_files(site_file.config, observations, navigation, start_ns, end_ns)
     for warning in imported.warnings:
         talk(f"warning: {warning}")
-    metadata = {"import": {"dropped": json.dumps(imported.dropped, sort_keys=True)}}
-    decide_and_record(output, site_file, imported.events, metadata, watch=watched)
-    for name, reasons in imported.dropped.items():
-        if reasons:
-            talk(f"receiver {name}: dropped {', '.join(f'{n} x {reason}' for reason, n in reasons.items())}")
+    counted = {"dropped": imported.dropped, "not aligned": imported.not_aligned}
+    metadata = {"import": {name.replace(" ", "_"): json.dumps(counts, sort_keys=True) for name, counts in counted.items()}}
+    _, monitor = decide_and_record(output, site_file, imported.events, metadata, watch=watched)
+    if any(log.words for log in logs) and monitor.snapshot().assembler.klobuchar is None:
+        talk("warning: no Klobuchar terms came in the logs: the ionosphere stays in the ranges; give a navigation file with --nav")
+    for what, counts in counted.items():
+        for name, reasons in counts.items():
+            if reasons:
+                talk(f"receiver {name}: {what} {', '.join(f'{n} x {reason}' for reason, n in reasons.items())}")
     talk(f"{output}: {imported.epochs} aligned epochs")
 
 
@@ -123,7 +132,7 @@ def replay(
 
     if out:
         kept = {name: values for name, values in contents.metadata.items() if name in ("import", "truth")}
-        again.decide_and_record(out, todo.site, todo.events, kept, todo.snapshot)
+        again.decide_and_record(out, todo.site, todo.events, kept, todo.snapshot, boot=todo.boot)
         talk(f"{out}: recorded with these decisions")
     if epochs:
         write_epochs_csv(epochs, reports, chosen.config.receiver_names)
@@ -161,10 +170,10 @@ def inject(
     from recordings.faults import inject as with_faults
     from recordings.faults import parse_faults
     from recordings.reader import read_recording
-    from recordings.replay import decide_and_record, first_epoch_ns, replayable
+    from recordings.replay import decide_and_record, decoded, first_epoch_ns, replayable
 
     contents = read_recording(recording)
-    todo = replayable(contents)
+    todo = decoded(replayable(contents))
     text = _text(faults)
     parsed = parse_faults(text, str(faults), first_epoch_ns(todo), todo.site.config)
     events = with_faults(todo.events, parsed, todo.site.config, snapshot=todo.snapshot)

@@ -8,7 +8,6 @@ from typing import Annotated
 import typer
 
 from integrity.errors import ConfigError
-from recordings.site_schema import NAME_PATTERN
 
 commands = typer.Typer(no_args_is_help=True, help="Keys with which stations sign, and which trains trust.")
 
@@ -45,6 +44,8 @@ def show(file: KeyFile, site: Site = None) -> None:
 
 
 def _site(file: Path, site: str | None) -> str:
+    from recordings.site_schema import NAME_PATTERN
+
     name = file.stem if site is None else site
     if not re.fullmatch(NAME_PATTERN, name):
         raise ConfigError(f'{name!r} is no site id: expected letters, digits, "-" and "_": give it with --site, such as --site north-1')

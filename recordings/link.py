@@ -1,6 +1,7 @@
 """The link over Zenoh: the only file that knows it. Bytes and key expressions in and out, arrival times stamped, nothing found by itself.
 
-No multicast and no gossip: a process talks to the endpoints it was given and to those who dial it. Everything is put with congestion
+No multicast and no gossip: a process talks to the endpoints it was given and to those who dial it. A station is a peer, at which readers
+and routers may call; a reader is a client. Everything is put with congestion
 control DROP: a reader that does not keep up never holds a station. Callbacks run in Zenoh's threads, one per subscription: they stamp
 and hand on. A process that ends without closing its session hangs, so a link is only to be had by `with`.
 """
@@ -43,17 +44,34 @@ class QueryRefused(Exception):
 
 @contextmanager
 def open_link(listen: Sequence[str], connect: Sequence[str]) -> Iterator["Link"]:
-    """A session between the endpoints. One that is to be connected and is not there is tried again and again, for ever.
+    """For one that speaks. It takes calls at `listen`; a router to be dialled that is not there is tried again and again, for ever.
 
     Raises LinkError for an endpoint that makes no sense, and for one that cannot be listened at.
     """
-    for endpoint in (*listen, *connect):
-        if not _ENDPOINT.fullmatch(endpoint):
-            raise LinkError(f"endpoint {endpoint!r}: expected PROTOCOL/HOST:PORT, such as tcp/127.0.0.1:7447")
-    try:
-        session = zenoh.open(_config(listen, connect))
-    except zenoh.ZError as error:
-        raise LinkError(_why_not_open(listen, connect, str(error))) from error
+    _check_endpoints((*listen, *connect))
+    session = _open(_config("peer", listen, connect), (*listen, *connect))
+    with session:
+        yield Link(session)
+
+
+@contextmanager
+def dial_link(connect: Sequence[str], on_waiting: Callable[[], None]) -> Iterator["Link"]:
+    """For one that listens to others: to the first of the endpoints that is there, and to it again whenever it was lost.
+
+    It takes no calls. Until somebody is there it tries, for ever; `on_waiting` is called once, when the first attempt has failed.
+    Raises LinkError for an endpoint that makes no sense.
+    """
+    _check_endpoints(connect)
+    attempts = 0
+    while True:
+        try:
+            session = _open(_config("client", [], connect), connect)
+            break
+        except _NobodyThere:
+            attempts += 1
+        if attempts == 1:
+            on_waiting()
+        time.sleep(RETRY_MS[1] / 1000)
     with session:
         yield Link(session)
 
@@ -191,14 +209,26 @@ def _said_not_lost(callback: Callable[[Any], None]) -> Callable[[Any], None]:
     return wrapped
 
 
-def _config(listen: Sequence[str], connect: Sequence[str]) -> zenoh.Config:
+class _NobodyThere(LinkError):
+    """None of the endpoints takes a call now."""
+
+
+def _check_endpoints(endpoints: Sequence[str]) -> None:
+    """Zenoh itself takes some that lead nowhere, such as a host without a port, and tries them for ever."""
+    for endpoint in endpoints:
+        if not _ENDPOINT.fullmatch(endpoint):
+            raise LinkError(f"endpoint {endpoint!r}: expected PROTOCOL/HOST:PORT, such as tcp/127.0.0.1:7447")
+
+
+def _config(mode: str, listen: Sequence[str], connect: Sequence[str]) -> zenoh.Config:
+    """A router hands nothing from one peer to another, so that those who only read are clients (measured with 1.10.2)."""
     config = zenoh.Config()
     settings: dict[str, object] = {
-        "mode": "peer",
+        "mode": mode,
         "listen/endpoints": list(listen),
         "listen/exit_on_failure": True,
         "connect/endpoints": list(connect),
-        "connect/exit_on_failure": False,
+        "connect/exit_on_failure": mode == "client",
         "connect/retry": {"period_init_ms": RETRY_MS[0], "period_max_ms": RETRY_MS[1], "period_increase_factor": 2},
         "scouting/multicast/enabled": False,
         "scouting/gossip/enabled": False,
@@ -210,9 +240,18 @@ def _config(listen: Sequence[str], connect: Sequence[str]) -> zenoh.Config:
     return config
 
 
-def _why_not_open(listen: Sequence[str], connect: Sequence[str], error: str) -> str:
+def _open(config: zenoh.Config, endpoints: Sequence[str]) -> zenoh.Session:
+    try:
+        return zenoh.open(config)
+    except zenoh.ZError as error:
+        if "Unable to connect" in str(error):
+            raise _NobodyThere(f"endpoint {', '.join(endpoints)}: nobody is there") from error
+        raise LinkError(_why_not_open(endpoints, str(error))) from error
+
+
+def _why_not_open(endpoints: Sequence[str], error: str) -> str:
     """In words; Zenoh's own are full of paths of its sources."""
-    endpoint = next((endpoint for endpoint in (*listen, *connect) if endpoint in error), ", ".join((*listen, *connect)))
+    endpoint = next((endpoint for endpoint in endpoints if endpoint in error), ", ".join(endpoints))
     if "Address already in use" in error:
         return f"endpoint {endpoint}: the port is in use: end the other process, or choose another port"
     if "assign requested address" in error:

@@ -98,14 +98,15 @@ class RecordingWriter:
     def add(self, topic: str, data: bytes, mono_ns: int) -> None:
         """Record what is in its bytes already."""
         self._log_ns = max(self._log_ns, mono_ns + self._offset_ns)
+        self.unflushed += 1
         if self._log_ns // NS_PER_S != self._second:
             self._second = self._log_ns // NS_PER_S
-            self._end_chunk()
+            self._writer.flush()
+            self.unflushed = 1
             if time.monotonic() - self._synced_s >= SYNC_EVERY_S:
                 self._sync()
-        if not self.unflushed:
+        if self.unflushed == 1:
             self.unflushed_since_s = time.monotonic()
-        self.unflushed += 1
         channel = self._channel(topic)
         self._writer.add_message(channel, log_time=self._log_ns, publish_time=self._log_ns, sequence=self._sequence, data=data)
         self._sequence += 1
@@ -129,12 +130,9 @@ class RecordingWriter:
 
     def flush(self) -> None:
         """Everything written so far is on the disk when this returns."""
-        self._end_chunk()
-        self._sync()
-
-    def _end_chunk(self) -> None:
         self._writer.flush()
         self.unflushed = 0
+        self._sync()
 
     def _sync(self) -> None:
         self._file.flush()
@@ -152,9 +150,12 @@ class RecordingWriter:
         self.part.replace(self._path)
 
     def abandon(self) -> None:
-        """Leave the file under its name `.part`, with what had been flushed."""
+        """Leave the file under its name `.part`, with what had been flushed; nothing where nothing had been."""
         with suppress(OSError):  # of a full disk: closing tries to write once more
             self._file.close()
+        with suppress(OSError):  # of a directory that is gone
+            if not self.part.stat().st_size:
+                self.part.unlink()
 
     def __enter__(self) -> Self:
         return self

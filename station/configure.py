@@ -60,9 +60,9 @@ def configure(site: SiteFile, say: Say) -> list[ConfiguredReceiver]:
     problems: list[str] = []
     reachable = 0
     for receiver, url in site.sources.items():
-        kind = (url or "no source").partition(":")[0]
+        kind = url.partition(":")[0] if url is not None else "no source"
         if url is None or kind not in CONFIGURABLE:
-            say(receiver, f"skipped: bytes only come in by {kind}; to configure it, connect it once by serial:// or tcp://")
+            say(receiver, f"skipped ({kind}): nothing can be sent to it; to configure it, connect it once by serial:// or tcp://")
             continue
         reachable += 1
         try:

@@ -179,6 +179,8 @@ class _Files:
         self._writer: RecordingWriter | None = None
         self._generation = 0
         self._failing = False
+        self._missing = 0  # entries, not yet spoken of
+        self._head_bytes = 0
         self._finished_bytes = 0
         self.failed_generation = 0  # before the first file, nothing can be recorded either
         self.retry_s = 0.0  # monotonic
@@ -204,15 +206,21 @@ class _Files:
                     self._finish(item.dropped)
                 case _:
                     self._write(item)
-            if self.seconds_to_flush() == 0.0 and self._writer is not None:
-                self._writer.flush()
+            if self._writer is not None:
+                self._to_disk(self._writer)
         except Exception as error:
             self._fail(error)
         self.bytes_written = self._finished_bytes + (self._writer.synced_bytes if self._writer else 0)
 
+    def _to_disk(self, writer: RecordingWriter) -> None:
+        if self.seconds_to_flush() == 0.0:
+            writer.flush()
+        if writer.synced_bytes > self._head_bytes:
+            self._goes_on()
+
     def _write(self, item: Event | Message) -> None:
         if self._writer is None:
-            self.unwritten += 1
+            self._lose(1)
         elif not isinstance(item, Message):
             self._writer.write_event(item)
         else:
@@ -224,16 +232,15 @@ class _Files:
     def _begin(self, begin: _Begin) -> None:
         self._generation = begin.generation
         self._finish(begin.dropped)
+        self._missing += begin.dropped
         self._directory.mkdir(parents=True, exist_ok=True)
         path = _unused(self._directory, self._site.config.site_id, utc_from_gps(begin.gps_ns))
         self._writer = RecordingWriter(path, SOFTWARE, begin.gps_ns, begin.mono_ns, {}, self._site.config.receiver_names)
         self._writer.write(head(self._site, begin.gps_ns, begin.mono_ns, self._boot_id), begin.mono_ns)
         self._writer.write(begin.snapshot, begin.mono_ns)
         self._writer.flush()
+        self._head_bytes = self._writer.synced_bytes
         self.path = path
-        if self._failing or begin.dropped:
-            self._say(f"{path}: recording again; {begin.dropped + self.unwritten} entries are in no file")
-        self._failing = False
 
     def _finish(self, dropped: int) -> None:
         if self._writer is None:
@@ -242,11 +249,22 @@ class _Files:
             self._writer.add_metadata("recorder", {"dropped": str(dropped)})
         self._writer.close()
         self._finished_bytes += self._writer.synced_bytes
+        self._goes_on()
         self._writer, self.path = None, None
+
+    def _goes_on(self) -> None:
+        """To be said when more than the head of a file is on the disk: on a disk that is nearly full, heads may fit again and again."""
+        if self._failing or self._missing:
+            self._say(f"{self.path}: recording again; {self._missing} entries are in no file")
+        self._failing, self._missing = False, 0
+
+    def _lose(self, entries: int) -> None:
+        self.unwritten += entries
+        self._missing += entries
 
     def _fail(self, error: Exception) -> None:
         if self._writer is not None:
-            self.unwritten += self._writer.unflushed
+            self._lose(self._writer.unflushed)
             self._finished_bytes += self._writer.synced_bytes
             self._writer.abandon()
         self._writer, self.path = None, None

@@ -33,7 +33,7 @@ from station.inbox import Inbox
 from station.notify import notify
 from station.publisher import Publisher
 from station.recorder import Recorder, check_directory
-from station.sources.kinds import FileSource, parse_source
+from station.sources.kinds import SILENT_AFTER_S, FileSource, Source, parse_source
 from station.sources.listener import Listener
 
 TICK_NS = NS_PER_S
@@ -46,8 +46,9 @@ M = TypeVar("M", bound=Message)
 def run_station(site: SiteFile, say: Say) -> None:
     """Run until SIGTERM or SIGINT, or until every source has ended (files do). Raises ConfigError or LinkError where it cannot start."""
     sources = {name: parse_source(url) for name, url in site.sources.items() if url is not None}
-    key = load_key(Path(site.publish.key))
-    directory = Path(site.record.directory)
+    folder = Path(site.file).parent  # relative paths of a site file count from where it lies
+    key = load_key(folder / site.publish.key)
+    directory = folder / site.record.directory
     check_directory(directory)
     boot_id = os.urandom(16)
     monitor = StationMonitor(site.config)
@@ -55,10 +56,7 @@ def run_station(site: SiteFile, say: Say) -> None:
     with open_link(site.publish.listen, site.publish.connect) as link:
         publisher = Publisher(link, site.config, key, boot_id, SOFTWARE)
         recorder = Recorder(directory, site, boot_id, say)
-        listeners = [
-            Listener(name, source, inbox.put_of_file if isinstance(source, FileSource) else inbox.put, lambda r, line: say(f"{r}: {line}"))
-            for name, source in sources.items()
-        ]
+        listeners = [_listener(name, source, inbox, site.config.epoch_interval_ns, say) for name, source in sources.items()]
         station = Station(site, monitor, inbox, publisher, recorder, boot_id, say)
         for number in (signal.SIGTERM, signal.SIGINT):
             signal.signal(number, lambda *_: station.stop())
@@ -77,6 +75,12 @@ def run_station(site: SiteFile, say: Say) -> None:
         for name, dropped in monitor.dropped.items():
             if dropped:
                 say(f"{name}: {dropped} rows had no partner in the other receivers")
+
+
+def _listener(receiver: str, source: Source, inbox: Inbox, interval_ns: int, say: Say) -> Listener:
+    put = inbox.put_of_file if isinstance(source, FileSource) else inbox.put
+    silent_after_s = max(SILENT_AFTER_S, 3 * interval_ns / NS_PER_S)
+    return Listener(receiver, source, put, lambda name, line: say(f"{name}: {line}"), silent_after_s=silent_after_s)
 
 
 class Station:

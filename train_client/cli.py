@@ -28,18 +28,22 @@ def listen(
     """
     from integrity.messages.verification import HealthVerifier
     from recordings.keys import keys_of, read_trusted
-    from recordings.link import open_link
+    from recordings.link import dial_link
     from train_client import listen as words
 
     trusted = keys_of(read_trusted(keys), site, keys)
     signal.signal(signal.SIGTERM, lambda *_: sys.exit(0))
     notices = sys.stderr if as_json else sys.stdout
-    with open_link([], [connect]) as link:
+
+    def say(notice: str) -> None:
+        print(notice, file=notices, flush=True)
+
+    with dial_link([connect], lambda: say(f"NO_COMMS: nobody is at {connect}; it is tried again every second")) as link:
         print(f"listening for {site} at {connect}, {len(trusted)} key{'s' * (len(trusted) != 1)} trusted", file=sys.stderr, flush=True)
         listener = words.Listener(
             link,
             HealthVerifier(site, trusted, MAX_VALID_MS),
             lambda received: print(words.as_json(received) if as_json else words.as_line(received), flush=True),
-            lambda notice: print(notice, file=notices, flush=True),
+            say,
         )
         listener.run(count)

@@ -53,10 +53,16 @@ def klobuchar_delay_m(tow_s: Floats, lat_rad: Floats, lon_rad: Floats, az_rad: F
 
 
 def saastamoinen_delay_m(lat_rad: Floats, height_m: Floats, el_rad: Floats, relative_humidity: float = 0.7) -> Floats:
-    """Tropospheric delay in metres, positive, to be subtracted from a pseudorange; shape of el_rad.
+    """Tropospheric delay in metres, positive, to be subtracted from a pseudorange; shape of el_rad."""
+    delay_m: Floats = saastamoinen_zenith_m(lat_rad, height_m, relative_humidity) * troposphere_mapping(el_rad)
+    return delay_m
 
-    Zenith delay of Saastamoinen in a standard atmosphere (15 deg C and 1013.25 hPa at sea level, -6.5 K/km), good to 0.1 m; heights
-    outside 0 to 10,000 m are clipped. Sources: Saastamoinen 1972; standard atmosphere as in the RTKLIB 2.4.2 manual, E.5.1 to E.5.4.
+
+def saastamoinen_zenith_m(lat_rad: Floats, height_m: Floats, relative_humidity: float = 0.7) -> Floats:
+    """Tropospheric delay in the zenith, m; shape of lat_rad.
+
+    Saastamoinen in a standard atmosphere (15 deg C and 1013.25 hPa at sea level, -6.5 K/km), good to 0.1 m; heights outside 0 to
+    10,000 m are clipped. Sources: Saastamoinen 1972; standard atmosphere as in the RTKLIB 2.4.2 manual, E.5.1 to E.5.4.
     """
     h = np.clip(height_m, 0.0, 10_000.0)
     pressure_hpa = 1013.25 * (1.0 - 2.2557e-5 * h) ** 5.2568
@@ -64,8 +70,8 @@ def saastamoinen_delay_m(lat_rad: Floats, height_m: Floats, el_rad: Floats, rela
     vapour_hpa = 6.108 * relative_humidity * np.exp((17.15 * temperature_k - 4684.0) / (temperature_k - 38.45))
     hydrostatic_m = 0.0022768 * pressure_hpa / (1.0 - 0.00266 * np.cos(2.0 * lat_rad) - 0.00028 * h / 1e3)
     wet_m = 0.002277 * (1255.0 / temperature_k + 0.05) * vapour_hpa
-    delay_m: Floats = (hydrostatic_m + wet_m) * troposphere_mapping(el_rad)
-    return delay_m
+    zenith_m: Floats = hydrostatic_m + wet_m
+    return zenith_m
 
 
 def troposphere_mapping(el_rad: Floats) -> Floats:

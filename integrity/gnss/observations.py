@@ -112,7 +112,8 @@ def build_block(
     column_of = {signal: i for i, signal in enumerate(signals)}
     nowhere = len(signals)
     shape = (len(epoch_ns), len(receivers), len(signals) + 1)  # a last column for what is passed over
-    arrays = {name: np.full(shape, np.nan) for name in ROW_FLOATS} | {name: np.zeros(shape, dtype=bool) for name in ROW_FLAGS}
+    floats = np.full((len(ROW_FLOATS), *shape), np.nan)
+    flags = np.zeros((len(ROW_FLAGS), *shape), dtype=np.bool_)
     receive_time_ns = np.zeros(shape[:2], dtype=np.int64)
     columns_of: dict[tuple[str, ...], Ints] = {}
     for e, epoch in enumerate(rows):
@@ -121,15 +122,15 @@ def build_block(
             if columns is None:
                 columns = columns_of[row.signals] = np.array([column_of.get(s, nowhere) for s in row.signals], dtype=np.int64)
             receive_time_ns[e, r] = row.receive_time_ns
-            for name, array in arrays.items():
-                array[e, r, columns] = getattr(row, name)
-    for name in ROW_FLOATS:
-        arrays[name][~(np.abs(arrays[name]) < BEYOND_MEASURE)] = np.nan
+            floats[:, e, r, columns] = (row.pseudorange_m, row.carrier_cycles, row.doppler_hz, row.cn0_dbhz, row.lock_s)
+            flags[:, e, r, columns] = (row.slip, row.half_cycle)
+    floats[~(np.abs(floats) < BEYOND_MEASURE)] = np.nan
+    floats, flags = floats[..., :nowhere], flags[..., :nowhere]
     return ObservationBlock(
         receivers=tuple(receivers),
         signals=signals,
         satellites=tuple(s.partition(".")[0] for s in signals),
         epoch_ns=np.array(epoch_ns, dtype=np.int64),
         receive_time_ns=receive_time_ns,
-        **{name: array[..., :nowhere].copy() for name, array in arrays.items()},
+        **dict(zip(ROW_ARRAYS, (*floats.copy(), *flags.copy()), strict=True)),
     )

@@ -14,7 +14,7 @@ from typing import NamedTuple
 import numpy as np
 
 from integrity.gnss.angles import sine_cosine
-from integrity.gnss.atmosphere import Klobuchar, klobuchar_delay_m, saastamoinen_delay_m
+from integrity.gnss.atmosphere import Klobuchar, klobuchar_delay_m, saastamoinen_zenith_m, troposphere_mapping
 from integrity.gnss.constants import EARTH_ROTATION_RADPS, SPEED_OF_LIGHT_MPS
 from integrity.gnss.ephemeris import SatelliteStates
 from integrity.gnss.frames import enu_axes, geodetic_from_ecef
@@ -25,7 +25,14 @@ TRAVEL_TIME_NS = 77_500_000  # midway between zenith and horizon, GPS and Galile
 RELINEARISE_BEYOND_M = 1_000.0  # second order of the range: 2.5 cm at 1 km, 2.5 m at 10 km
 RELINEARISATIONS = 6  # from anywhere on Earth to below 1 mm
 LOWEST_MODELLED_RAD = float(np.deg2rad(3.0))  # below, neither atmosphere model holds; such satellites are screened out
+MOST_PDOP = 100.0
 URA_NOMINAL_M = 2.4  # URA index 0: the accuracy for which the site's range sigmas hold
+
+
+# The six cofactors of a symmetric 3 x 3 matrix, xx, xy, xz, yy, yz, zz, are a b - c d: which of its nine entries; and how they fill it.
+COFACTOR_A, COFACTOR_B = [4, 2, 1, 0, 1, 0], [8, 5, 5, 8, 2, 4]
+COFACTOR_C, COFACTOR_D = [5, 1, 2, 2, 0, 1], [5, 8, 4, 2, 5, 1]
+SQUARE = [[0, 1, 2], [1, 3, 4], [2, 4, 5]]
 
 
 class Unsolved(IntEnum):
@@ -38,12 +45,14 @@ class Unsolved(IntEnum):
 
 
 class Points(NamedTuple):
-    """Points of linearisation: `pos_ecef_m` (E or 1, R, 3), geodetic coordinates (E or 1, R), local axes `enu` (E or 1, R, 3, 3)."""
+    """Points of linearisation: `pos_ecef_m` (E or 1, R, 3), geodetic coordinates and tropospheric zenith delay
+    (E or 1, R), local axes `enu` (E or 1, R, 3, 3)."""
 
     pos_ecef_m: Floats
     lat_rad: Floats
     lon_rad: Floats
     height_m: Floats
+    zenith_delay_m: Floats
     enu: Floats
 
 
@@ -67,15 +76,12 @@ class Prefit:
 class Solution:
     """Displacements from the points: `e_enu_m` and, in order of `SYSTEMS`, `clock_m`; (E, R, 3) and (E, R, K); NaN where unsolved.
 
-    `cov_enu_m2` (E, R, 3, 3) is the covariance of the position when the sigmas are right, m2; `hdop`, `vdop` (E, R) are for equal weights;
-    `why` (E, R) holds `Unsolved`.
+    `cov_enu_m2` (E, R, 3, 3) is the covariance of the position when the sigmas are right, m2; `why` (E, R) holds `Unsolved`.
     """
 
     e_enu_m: Floats
     clock_m: Floats
     cov_enu_m2: Floats
-    hdop: Floats
-    vdop: Floats
     n_used: Ints
     why: Ints
 
@@ -93,7 +99,7 @@ def points_at(pos_ecef_m: Floats) -> Points:
     """Points (..., R, 3) with their geodetic coordinates and axes; a single set (R, 3) serves all epochs."""
     pos = pos_ecef_m if pos_ecef_m.ndim == 3 else pos_ecef_m[None]
     lat, lon, height = geodetic_from_ecef(pos)
-    return Points(pos, lat, lon, height, enu_axes(lat, lon))
+    return Points(pos, lat, lon, height, saastamoinen_zenith_m(lat, height), enu_axes(lat, lon))
 
 
 def state_time_ns(epoch_ns: Ints) -> Ints:
@@ -139,11 +145,10 @@ def _residuals(rho: Floats, t_rx_s: Floats, tow_s: Floats, satellites: Floats, p
     el_rad = np.arcsin(np.clip(up, -1.0, 1.0))
     az_rad = np.arctan2(east, north)
 
-    lat, lon, height = points.lat_rad[..., None], points.lon_rad[..., None], points.height_m[..., None]
     el_air = np.maximum(el_rad, LOWEST_MODELLED_RAD)
-    delay_m = saastamoinen_delay_m(lat, height, el_air)
+    delay_m = points.zenith_delay_m[..., None] * troposphere_mapping(el_air)
     if klobuchar is not None:
-        delay_m = delay_m + klobuchar_delay_m(tow_s, lat, lon, az_rad, el_air, klobuchar)
+        delay_m = delay_m + klobuchar_delay_m(tow_s, points.lat_rad[..., None], points.lon_rad[..., None], az_rad, el_air, klobuchar)
     modelled_m = distance_m + sagnac_m - SPEED_OF_LIGHT_MPS * dts_s + delay_m
     return [rho - modelled_m, east, north, up, el_rad, az_rad]
 
@@ -163,10 +168,11 @@ def solve(residual_m: Floats, los_enu: Floats, sigma_m: Floats, used: Bools, sys
     """Weighted least squares of displacement and a clock per constellation, for every epoch and receiver.
 
     residual_m (E, R, S); los_enu (3, E, R, S); sigma_m, used broadcast to (E, R, S); system_of (S,) numbers the constellation.
-    A satellite alone in its constellation determines only a clock. Geometry is refused when its PDOP exceeds 100.
+    A satellite alone in its constellation determines only a clock. Geometry is refused where its weighted PDOP, sqrt(tr(C) mean(w)),
+    exceeds 100.
     """
-    used = np.broadcast_to(used, residual_m.shape) & np.isfinite(residual_m)
-    w = np.where(used, 1.0 / np.broadcast_to(sigma_m, residual_m.shape) ** 2, 0.0)
+    used = used & np.isfinite(residual_m)
+    w = np.where(used, 1.0 / sigma_m**2, 0.0)
     y = np.where(used, residual_m, 0.0)
     u = np.where(used, los_enu, 0.0)
 
@@ -179,18 +185,16 @@ def solve(residual_m: Floats, los_enu: Floats, sigma_m: Floats, used: Bools, sys
     u_mean = _per_system(wu, member) / safe  # (3, E, R, K)
     dy = y - y_mean[..., system_of]
 
-    N = _symmetric(wu, u) - _symmetric(weight * u_mean, u_mean)
+    N = _products(wu, u) - _products(weight * u_mean, u_mean)
     C, determinant = _inverse(N)
     b = -(wu * dy).sum(axis=-1)  # a range shrinks when the receiver moves towards the satellite
-    e = np.stack([(C[i] * b).sum(axis=0) for i in range(3)], axis=-1)
+    e = np.moveaxis((C * b).sum(axis=1), 0, -1)
 
     n_used = used.sum(axis=-1)
     n_clocks = (count > 0).sum(axis=-1)
-    plain_mean = _per_system(u, member) / np.maximum(count, 1.0)
-    Q, q_determinant = _inverse(_symmetric(u, u) - _symmetric(count * plain_mean, plain_mean))
     with np.errstate(invalid="ignore"):
-        hdop, vdop = np.sqrt(Q[0, 0] + Q[1, 1]), np.sqrt(Q[2, 2])
-        poor = ~((q_determinant > 0.0) & (determinant > 0.0) & (np.hypot(hdop, vdop) <= 100.0) & np.isfinite(e).all(axis=-1))
+        pdop2 = (C[0, 0] + C[1, 1] + C[2, 2]) * weight.sum(axis=-1) / np.maximum(n_used, 1)
+        poor = ~((determinant > 0.0) & (pdop2 <= MOST_PDOP**2) & np.isfinite(e).all(axis=-1))
     why = np.where(n_used < 3 + n_clocks, Unsolved.TOO_FEW_SATELLITES, np.where(poor, Unsolved.POOR_GEOMETRY, Unsolved.SOLVED))
 
     unsolved = why != Unsolved.SOLVED
@@ -201,8 +205,6 @@ def solve(residual_m: Floats, los_enu: Floats, sigma_m: Floats, used: Bools, sys
         e_enu_m=e,
         clock_m=clock,
         cov_enu_m2=np.where(unsolved[..., None, None], np.nan, np.moveaxis(C, (0, 1), (-2, -1))),
-        hdop=np.where(unsolved, np.nan, hdop),
-        vdop=np.where(unsolved, np.nan, vdop),
         n_used=n_used,
         why=why,
     )
@@ -290,24 +292,16 @@ def _per_system(v: Floats, member: Floats) -> Floats:
     return sums
 
 
-def _symmetric(a: Floats, b: Floats) -> Floats:
-    """Sums over the last axis of a_i b_j, (3, 3, ...), for a, b (3, ..., S) whose product is symmetric in i and j."""
-    N = np.empty((3, 3, *a.shape[1:-1]))
-    for i in range(3):
-        for j in range(i, 3):
-            N[i, j] = N[j, i] = np.einsum("...s,...s->...", a[i], b[j])
-    return N
+def _products(a: Floats, b: Floats) -> Floats:
+    """Sums over the last axis of a_i b_j, (3, 3, E, R), for a, b (3, E, R, n)."""
+    sums: Floats = np.einsum("iern,jern->ijer", a, b)
+    return sums
 
 
 def _inverse(N: Floats) -> tuple[Floats, Floats]:
     """Inverse (3, 3, ...) and determinant (...) of symmetric matrices by cofactors; NaN where the determinant is not positive."""
-    C = np.empty_like(N)
-    C[0, 0] = N[1, 1] * N[2, 2] - N[1, 2] * N[1, 2]
-    C[0, 1] = C[1, 0] = N[0, 2] * N[1, 2] - N[0, 1] * N[2, 2]
-    C[0, 2] = C[2, 0] = N[0, 1] * N[1, 2] - N[0, 2] * N[1, 1]
-    C[1, 1] = N[0, 0] * N[2, 2] - N[0, 2] * N[0, 2]
-    C[1, 2] = C[2, 1] = N[0, 1] * N[0, 2] - N[0, 0] * N[1, 2]
-    C[2, 2] = N[0, 0] * N[1, 1] - N[0, 1] * N[0, 1]
-    determinant = N[0, 0] * C[0, 0] + N[0, 1] * C[0, 1] + N[0, 2] * C[0, 2]
+    N = N.reshape(9, *N.shape[2:])
+    C = N[COFACTOR_A] * N[COFACTOR_B] - N[COFACTOR_C] * N[COFACTOR_D]
+    determinant = (N[:3] * C[:3]).sum(axis=0)
     positive = determinant > 0.0
-    return C / np.where(positive, determinant, np.nan), determinant
+    return (C / np.where(positive, determinant, np.nan))[SQUARE], determinant

@@ -68,7 +68,7 @@ def triangle_statistics(e_enu_m: Floats, var: Variances, triangle: ReferenceTria
         collapse=collapse_statistic(own, triangle.baseline_enu_m, var_d),
         collapse_fit=_spread(solved_points_m(e_enu_m, triangle), var_d),
         isolation=isolation,
-        pair=np.stack([_spread(e_enu_m[:, others], var_d) for others in _others(n)], axis=1),
+        pair=_spread(e_enu_m[:, _others(n)], var_d[:, None]),
         log_likelihood_ratio=log_likelihood_ratio(e_enu_m, var.common[:, None, :], var_d),
     )
 
@@ -98,9 +98,9 @@ def solved_points_m(e_enu_m: Floats, triangle: ReferenceTriangle) -> Floats:
 
 
 def _spread(points_m: Floats, var_d: Floats) -> Floats:
-    """Sum of squared distances (E,) of points (E, n, 3) from their mean, in sigmas; for two points T_pair of section 2.2."""
-    mean_m = points_m.sum(axis=1, keepdims=True) / points_m.shape[1]
-    total: Floats = ((points_m - mean_m) ** 2 / var_d).sum(axis=(1, 2))
+    """Sum of squared distances (...) of points (..., n, 3) from their mean, in sigmas; for two points T_pair of section 2.2."""
+    mean_m = points_m.sum(axis=-2, keepdims=True) / points_m.shape[-2]
+    total: Floats = ((points_m - mean_m) ** 2 / var_d).sum(axis=(-2, -1))
     return total
 
 
@@ -117,7 +117,7 @@ def suspects(statistics: TriangleStatistics, limits: Limits) -> Bools:
     """
     n = statistics.isolation.shape[1]
     inside = statistics.circle_m <= limits.radius_m
-    others_inside = np.stack([inside[:, others].all(axis=1) for others in _others(n)], axis=1)
+    others_inside = inside[:, _others(n)].all(axis=-1)
     furthest = statistics.isolation == statistics.isolation.max(axis=1, keepdims=True)
     suspected: Bools = furthest & (statistics.isolation > limits.isolation) & (statistics.pair <= limits.pair) & others_inside
     return suspected

@@ -164,7 +164,7 @@ def _listener(receiver: str, host: str, port: int) -> socket.socket:
     try:
         listener = socket.create_server((host, port), family=socket.AF_INET6 if ":" in host else socket.AF_INET)
     except OSError as error:
-        why = error.strerror or str(error)
+        why = str(error.strerror or error).partition(" (while")[0]  # the address stands before it
         raise LinkError(
             f"cannot serve receiver {receiver} at {host}:{port}: {why}; end what listens there, or serve at another address or port "
             "(port 0: free ones)"

@@ -7,7 +7,7 @@ import os
 import select
 import socket
 import tty
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
 from threading import Event, Thread
@@ -38,7 +38,7 @@ CHATTER = b"$GNGGA,,,,,,0,00,99.99,,,,,,*56\r\n" + _rawx()
 class SimulatedReceiver:
     """How it answers: `unknown` keys make it refuse a message, `refused` keys too when set; `ignored` keys are accepted and not taken.
 
-    `deaf`: it sends, but answers nothing. `hangs_up`: it closes the link when it is asked to set keys.
+    `deaf`: it sends, but answers nothing. `silent`: it does not even send. `hangs_up`: it closes the link when it is to set keys.
     """
 
     unknown: frozenset[str] = frozenset()
@@ -58,15 +58,15 @@ class SimulatedReceiver:
     def answer(self, frame: bytes) -> bytes | None:
         """What it says to a message; None to hang up."""
         kind = (frame[2], frame[3])
-        name = UBXReader.parse(frame, msgmode=POLL if kind != (0x06, 0x8A) else SET)
-        self.questions.append(name.identity)
+        message = UBXReader.parse(frame, msgmode=SET if kind == (0x06, 0x8A) else POLL)
+        self.questions.append(message.identity)
         if self.deaf or self.silent:
             return b""
         if kind == (0x0A, 0x04):
             return self._version()
         if kind == (0x06, 0x8A):
-            return None if self.hangs_up else _acknowledge(self._set(name), kind)
-        return self._get(name)
+            return None if self.hangs_up else _acknowledge(self._set(message), kind)
+        return self._get(message)
 
     def _version(self) -> bytes:
         lines = [b"ROM BASE 0x118B2060", b"FWVER=HPG 1.51", b"PROTVER=27.50", b"MOD=ZED-F9P"]
@@ -87,10 +87,11 @@ class SimulatedReceiver:
         names = [cfgkey2name(number)[0] for key, number in vars(message).items() if key.startswith("keys_")]
         if self.unknown & set(names):
             return _acknowledge(False, (0x06, 0x8B))
+        in_force = self.store if message.layer == 0 else {}  # RAM
         payload = b"\x01\x00\x00\x00"
         for name in names:
             number, kind = cfgname2key(name)
-            payload += number.to_bytes(4, "little") + val2bytes(self.store.get(name, self.factory), kind)
+            payload += number.to_bytes(4, "little") + val2bytes(in_force.get(name, self.factory), kind)
         return bytes(UBXMessage("CFG", "CFG-VALGET", GET, payload=payload).serialize()) + _acknowledge(True, (0x06, 0x8B))
 
 
@@ -127,6 +128,7 @@ def on_tcp(receiver: SimulatedReceiver) -> Iterator[str]:
         def serve() -> None:
             while not stop.is_set():
                 with suppress(OSError), server.accept()[0] as connection:  # a time-out, or a connection that is cut
+                    connection.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
                     _talk(receiver, connection.fileno(), stop)
 
         with _running(serve, stop):
@@ -156,8 +158,8 @@ def on_pty(receiver: SimulatedReceiver) -> Iterator[str]:
 
 
 @contextmanager
-def _running(serve: object, stop: Event) -> Iterator[None]:
-    thread = Thread(target=serve)  # type: ignore[arg-type]
+def _running(serve: Callable[[], None], stop: Event) -> Iterator[None]:
+    thread = Thread(target=serve)
     thread.start()
     try:
         yield

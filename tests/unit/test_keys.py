@@ -11,6 +11,7 @@ from cryptography.hazmat.primitives.serialization import BestAvailableEncryption
 from integrity.errors import ConfigError
 from recordings.keys import keys_of, load_key, new_key, read_trusted, trusted_table
 from recordings.toml_file import ConfigProblems
+from wayside import run
 
 PUBLIC = bytes(range(32))
 
@@ -125,3 +126,17 @@ def test_a_file_without_tables_of_keys_is_refused(tmp_path: Path, text: str) -> 
 def test_a_site_without_a_key_is_named_with_those_that_have_one() -> None:
     with pytest.raises(ConfigError, match=r'site nort-1; did you mean "north-1"\? \(there are keys for north-1\)'):
         keys_of({"north-1": (PUBLIC,)}, "nort-1", Path("trusted.toml"))
+
+
+def test_what_the_commands_print_is_a_file_of_trusted_keys(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    path, trusted = tmp_path / "keys" / "north-1.pem", tmp_path / "trusted.toml"
+    codes = [run(["keys", "new", str(path)]), run(["keys", "show", str(path), "--site", "south"])]
+    trusted.write_text(capsys.readouterr().out)
+    public = load_key(path).public
+    assert (codes, read_trusted(trusted)) == ([0, 0], {"north-1": (public,), "south": (public,)})
+
+
+@pytest.mark.parametrize("command", ["new", "show"])
+def test_a_name_that_is_no_site_is_refused_before_anything_is_written(tmp_path: Path, command: str) -> None:
+    path = tmp_path / "north 1.pem"
+    assert (run(["keys", command, str(path)]), path.exists()) == (2, False)

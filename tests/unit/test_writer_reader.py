@@ -19,10 +19,14 @@ from mcap.stream_reader import StreamReader
 from mcap.writer import Writer
 
 from integrity.errors import DecodeError, RecordingError
+from integrity.events import Event, RawBytes
+from integrity.gnss.frames import ecef_from_geodetic
 from integrity.gnss.gps_time import NS_PER_S, utc_from_gps
 from integrity.gnss.observations import ObservationRow
 from integrity.messages import wayside_pb2 as pb
+from integrity.messages.fixes import location_fixes
 from integrity.messages.inputs import decode_event, encode_event
+from integrity.messages.location_fix_pb2 import LocationFix
 from integrity.messages.outputs import encode_output
 from integrity.messages.snapshots import decode_snapshot, encode_snapshot
 from integrity.station_monitor import StationMonitor
@@ -32,7 +36,7 @@ from recordings.replay import decide_and_record
 from recordings.site_file import parse_site
 from recordings.writer import CHUNK_BYTES, RecordingWriter
 from tests.unit.sites import SITE as SITE_TEXT
-from tests.unit.streams import RECOVER_AFTER_S, SITE, START_NS, epoch_of, rows_changed, stream, with_more
+from tests.unit.streams import RECOVER_AFTER_S, SITE, START_NS, TRIANGLE, epoch_of, rows_changed, stream, with_more
 
 SECONDS = 12
 FLIPS = 200
@@ -65,7 +69,7 @@ def messages() -> list[tuple[Message, int]]:
     outputs = monitor.feed(events)
     listed: list[tuple[Message, int]] = [(pb.Started(site="test", software="wayside test", gps_time_ns=START_NS), START_NS)]
     listed.append((encode_snapshot(monitor.snapshot(), SITE.receiver_names, START_NS), START_NS))
-    listed += [(encode_event(e), e.mono_ns) for e in events]
+    listed += [(encode_event(e), e.mono_ns) for e in events if not isinstance(e, RawBytes)]
     listed.append((pb.InputLost(mono_ns=events[-1].mono_ns, receiver="B", chunks=7), events[-1].mono_ns))
     listed += [(encode_output(o, SITE, "wayside test"), o.mono_ns) for o in outputs]
     return sorted(listed, key=lambda item: item[1])
@@ -81,6 +85,11 @@ def data(message: Message) -> bytes:
     """For comparison: NaN, "not measured", does not equal itself."""
     found: bytes = message.SerializeToString(deterministic=True)
     return found
+
+
+def encoded(event: Event) -> bytes:
+    assert not isinstance(event, RawBytes)
+    return data(encode_event(event))
 
 
 def facts(entries: Sequence[Entry]) -> list[tuple[str, int, bytes]]:
@@ -140,7 +149,8 @@ def test_counts_are_of_each_topic(contents: Contents) -> None:
 def test_inputs_are_read_as_the_events_they_were(contents: Contents) -> None:
     events = rows_changed(stream(SECONDS), stepped)
     inputs = [e.message for e in contents.entries if is_input(e.topic) and isinstance(e.message, Message)]
-    assert [data(encode_event(decode_event(m))) for m in inputs] == [data(encode_event(e)) for e in events]
+    read = [decode_event(m) for m in inputs]
+    assert [encoded(e) for e in read] == [encoded(e) for e in events]
 
 
 def test_a_snapshot_is_read_as_the_memory_it_was() -> None:
@@ -163,6 +173,84 @@ def test_what_is_remembered_of_streams_is_read_to_the_bit(name: str) -> None:
     now = decode_snapshot(encode_snapshot(was, SITE.receiver_names, START_NS))
     assert now.streams.signals == was.streams.signals != ()
     np.testing.assert_array_equal(getattr(now.streams, name), getattr(was.streams, name))
+
+
+# Bytes of receivers
+
+BOOT_NS = 98_765_432_101  # a monotonic clock begins anywhere
+PIECES = [  # odd times and lengths, two at one moment, one that is no text and one that is no UBX
+    RawBytes(BOOT_NS, "A", b"\xb5\x62"),
+    RawBytes(BOOT_NS, "B", bytes(range(256))),
+    RawBytes(BOOT_NS + 1, "A", b"$GNGGA,"),
+    RawBytes(BOOT_NS + 999_999_999, "north-1", b"\x00"),
+    RawBytes(BOOT_NS + 7_000_000_003, "B", random.Random(2).randbytes(70_001)),
+]
+
+
+def raw_recording(path: Path, receivers: Sequence[str]) -> Contents:
+    with RecordingWriter(path, "wayside test", START_NS, BOOT_NS, {}, receivers) as writer:
+        for piece in PIECES:
+            writer.write_event(piece)
+    return read_recording(path)
+
+
+@pytest.mark.parametrize("announced", [("A", "B", "north-1"), ()], ids=["announced", "not announced"])
+def test_bytes_of_receivers_are_read_as_they_came(tmp_path: Path, announced: Sequence[str]) -> None:
+    contents = raw_recording(tmp_path / "x.mcap", announced)
+    assert [(e.topic, e.message) for e in contents.entries] == [(f"/receiver/{p.receiver}/raw", p.data) for p in PIECES]
+
+
+def test_bytes_of_receivers_are_logged_to_the_nanosecond_of_their_arrival(tmp_path: Path) -> None:
+    contents = raw_recording(tmp_path / "x.mcap", ())
+    assert [e.log_ns - utc_from_gps(START_NS) + BOOT_NS for e in contents.entries] == [p.mono_ns for p in PIECES]
+
+
+def test_receivers_with_channels_are_known_without_a_message(tmp_path: Path) -> None:
+    assert raw_recording(tmp_path / "x.mcap", ("A", "B", "C")).receivers == ("A", "B", "C", "north-1")
+
+
+def test_bytes_older_than_what_was_recorded_are_refused(tmp_path: Path) -> None:
+    with RecordingWriter(tmp_path / "x.mcap", "test", START_NS, BOOT_NS, {}) as writer:
+        writer.write_raw("A", b"later", BOOT_NS + 5)
+        with pytest.raises(ValueError, match=r"x\.mcap: bytes of receiver B are 2 ns older"):
+            writer.write_raw("B", b"earlier", BOOT_NS + 3)
+
+
+def test_another_reader_is_told_that_bytes_are_ubx_without_a_schema(tmp_path: Path) -> None:
+    raw_recording(tmp_path / "x.mcap", ("A",))
+    with (tmp_path / "x.mcap").open("rb") as file:
+        channels = make_reader(file).get_summary().channels.values()
+    assert {(c.message_encoding, c.schema_id) for c in channels if c.topic.endswith("/raw")} == {("ubx", 0)}
+
+
+# Positions
+
+
+def test_a_fix_is_the_surveyed_point_and_what_was_solved_beside_it(contents: Contents) -> None:
+    """By the other way: the fix back to ECEF, its offset from the surveyed point along the axes there, is what the report says."""
+    reports = [e.message for e in contents.entries if isinstance(e.message, pb.EpochReport)]
+    fixes = {(f.timestamp.ToNanoseconds(), f.frame_id): f for e in contents.entries if isinstance(f := e.message, LocationFix)}
+    assert len(fixes) == 3 * SECONDS
+    for report in reports:
+        for r, vertex in enumerate(report.triangle):
+            fix = fixes[utc_from_gps(report.gps_time_ns), f"kokubunji-1/{vertex.receiver}"]
+            pos_ecef_m = ecef_from_geodetic(np.radians(fix.latitude), np.radians(fix.longitude), fix.altitude)
+            e_enu_m = TRIANGLE.enu[r] @ (pos_ecef_m - TRIANGLE.pos_ecef_m[r])
+            np.testing.assert_allclose(e_enu_m, (vertex.east_m, vertex.north_m, vertex.up_m), atol=1e-6)  # 1e-8 m: pymap3d and back
+
+
+def test_a_receiver_without_a_position_has_no_fix(contents: Contents) -> None:
+    report = pb.EpochReport()
+    report.CopyFrom(next(e.message for e in contents.entries if isinstance(e.message, pb.EpochReport)))
+    for name in ("east_m", "north_m", "up_m"):
+        report.triangle[1].ClearField(name)
+    (fixes,) = location_fixes([report], TRIANGLE, "x")
+    assert [fix.frame_id for fix in fixes] == ["x/A", "x/C"]
+
+
+def test_fixes_stand_in_the_channels_of_their_receivers(contents: Contents) -> None:
+    ids = {(e.topic, e.message.frame_id) for e in contents.entries if isinstance(e.message, LocationFix)}
+    assert ids == {(f"/receiver/{r}/fix", f"kokubunji-1/{r}") for r in "ABC"}
 
 
 # Time
@@ -245,7 +333,7 @@ def test_an_exception_leaves_the_file_that_was_there_before(tmp_path: Path) -> N
 def test_what_an_exception_leaves_is_salvaged_up_to_the_last_second(tmp_path: Path) -> None:
     listed = messages()
     interrupted(tmp_path / "x.mcap", listed)
-    kept = [data(e.message) for e in salvage(tmp_path / "x.mcap.part").entries]
+    kept = [e.data for e in salvage(tmp_path / "x.mcap.part").entries]
     assert kept == [data(m) for m, mono_ns in listed if mono_ns < START_NS + (SECONDS - 1) * NS_PER_S]
 
 
@@ -371,6 +459,8 @@ FOREIGN = {
     "schema": {"schema": "wayside.v1.Epoch"},
     "schema of another": {"schema": "foxglove.LocationFix"},
     "encoding": {"encoding": "json"},
+    "bytes of a receiver": {"topic": "/receiver/A/raw"},  # which have no schema
+    "another topic of a receiver": {"topic": "/receiver/A/imu"},
 }
 
 

@@ -4,12 +4,12 @@ A set is GPS subframes 1 to 3 or Galileo I/NAV words 1 to 5 of E1-B. It is told 
 of its transmission differs from what was last told of that satellite: health may change without a new issue. Other signals carry the same
 sets (E5b-I) or are not used; their words are passed over.
 
-Two rules keep pages apart that do not belong together. A page of another issue drops what is kept of the satellite, word 5 included,
-which has no issue. And pages that arrived more than `PAGES_TOGETHER_NS` apart make no set: issues come round again, and most pages do
-not say of which week they are.
+Pages that do not belong together make no set. A page of another issue drops what is kept of the satellite, word 5 included, which has no
+issue. As issues come round again and most pages do not say of which week they are, all pages of a set must have arrived within
+`PAGES_TOGETHER_NS`, and the one that says when it was sent must have arrived as close to that.
 """
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping
 from dataclasses import replace
 from typing import NamedTuple
 
@@ -23,6 +23,7 @@ from integrity.gnss.ubx.sfrbx import NavigationWords
 PAGES_TOGETHER_NS = 600 * NS_PER_S  # each page comes every 30 s; issues repeat after 6 h at the earliest: IS-GPS-200, 20.3.4.4
 
 PAGES_OF_SET = {"G": (1, 2, 3), "E": (1, 2, 3, 4, 5)}
+PAGE_WITH_TIME = {"G": 1, "E": 5}  # the one whose beginning is the time of transmission
 MESSAGE_BYTES = {"G": 30, "E": 16}
 TIME_BYTES = 8
 
@@ -110,12 +111,8 @@ class NavigationCollector:
 
     def _news_of(self, satellite: str) -> Ephemeris | None:
         """The set that the kept pages of a satellite make up, if they do and it says something new; it then counts as told."""
-        pages, numbers = self._kept[satellite], PAGES_OF_SET[satellite[0]]
-        arrived_ns = [kept.arrived_ns for kept in pages.values() if kept.arrived_ns is not None]
-        if len(arrived_ns) < len(numbers) or max(arrived_ns) - min(arrived_ns) > PAGES_TOGETHER_NS:
-            return None
-        ephemeris = _ephemeris_of(satellite, [pages[number].message for number in numbers], max(arrived_ns))
-        if ephemeris is None or ephemeris.implausibility() is not None:
+        ephemeris = _set_of(satellite, self._kept[satellite])
+        if ephemeris is None:
             return None
         last = self._told.get(satellite)
         if last is not None and replace(last, transmission_ns=ephemeris.transmission_ns) == ephemeris:
@@ -137,12 +134,20 @@ def _issue(system: str, number: int, message: int) -> int | None:
     return (lnav.SUBFRAME_2 if number == 2 else lnav.SUBFRAME_3).integer(message, "iode")
 
 
-def _ephemeris_of(satellite: str, messages: Sequence[int], near_ns: int) -> Ephemeris | None:
+def _set_of(satellite: str, pages: Mapping[int, _Kept]) -> Ephemeris | None:
+    """The set that the kept pages of a satellite make up; None where one is missing, or they do not belong together, or make no sense."""
+    arrived_ns = {number: kept.arrived_ns for number, kept in pages.items() if kept.arrived_ns is not None}
+    if len(arrived_ns) < len(PAGES_OF_SET[satellite[0]]) or max(arrived_ns.values()) - min(arrived_ns.values()) > PAGES_TOGETHER_NS:
+        return None
+    timed_ns = arrived_ns[PAGE_WITH_TIME[satellite[0]]]
+    messages = [pages[number].message for number in sorted(pages)]
     if satellite[0] == "G":
-        one, two, three = messages
-        return lnav.ephemeris_of(satellite, one, two, three, near_ns)
-    one, two, three, four, five = messages
-    return inav.ephemeris_of(satellite, one, two, three, four, five, near_ns)
+        ephemeris = lnav.ephemeris_of(satellite, messages[0], messages[1], messages[2], timed_ns)
+    else:
+        ephemeris = inav.ephemeris_of(satellite, messages[0], messages[1], messages[2], messages[3], messages[4], timed_ns)
+    if ephemeris is None or ephemeris.implausibility() is not None or abs(timed_ns - ephemeris.transmission_ns) > PAGES_TOGETHER_NS:
+        return None
+    return ephemeris
 
 
 def _packed(satellite: str, number: int, kept: _Kept) -> Page:

@@ -100,6 +100,19 @@ WORD_5 = in_order(
     ("tow_s", plain(20)),
     ("spare", plain(23)),
 )
+WORD_6 = in_order(  # GST to UTC: only written
+    ("word_type", plain(6)),
+    ("a0", signed(32, 2.0**-30)),
+    ("a1", signed(24, 2.0**-50)),
+    ("leap_s", plain(8)),
+    ("reference_tow_3600s", plain(8)),
+    ("reference_week", plain(8)),
+    ("leap_week", plain(8)),
+    ("leap_day", plain(3)),
+    ("leap_then_s", plain(8)),
+    ("tow_s", plain(20)),
+    ("spare", plain(3)),
+)
 WORD_0 = in_order(("word_type", plain(6)), ("time", plain(2)), ("spare", plain(88)), ("week", plain(12)), ("tow_s", plain(20)))
 HEAD = Layout(128, {"word_type": Field((Part(0, 6),)), "issue": Field((Part(6, 10),))})
 

@@ -53,8 +53,7 @@ _HEAD = {
     "alert": _at((2, 18, 1)),
     "subframe": _at((2, 20, 3)),
 }
-SOLVED_BITS = {"word_2_solved": _at((2, 23, 2)), "word_10_solved": _at((10, 23, 2))}  # so that the parity ends in 00
-HEAD = Layout(240, _HEAD | SOLVED_BITS)
+HEAD = Layout(240, _HEAD)
 SUBFRAME_1 = Layout(
     240,
     _HEAD

@@ -17,6 +17,8 @@ from numpy.typing import NDArray
 from integrity.gnss.gps_time import WEEK_S, gps_from_week
 from integrity.gnss.observations import Bools, Floats, ObservationRow
 
+Indices = NDArray[np.intp]
+
 RXM_RAWX = (0x02, 0x15)
 RAWX_HEADER = struct.Struct("<dHbBBB2x")  # rcvTow s, week, leapS s, numMeas, recStat, version
 _FIELDS = (
@@ -63,10 +65,7 @@ _LOCK_S = np.where(np.arange(65536) / 1000.0 <= MOST_LOCK_S, np.arange(65536) / 
 _PR_VALID = np.arange(256) & PR_VALID != 0
 _CP_VALID = np.arange(256) & CP_VALID != 0
 _HALF_CYCLE = np.arange(256) & (CP_VALID | HALF_CYCLE_RESOLVED) == CP_VALID
-
-
 _F8, _F4, _U2, _U1 = (np.dtype(kind) for kind in ("<f8", "<f4", "<u2", "u1"))
-Indices = NDArray[np.intp]
 
 
 class _Places(NamedTuple):

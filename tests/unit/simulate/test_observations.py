@@ -9,15 +9,15 @@ from integrity.gnss.atmosphere import klobuchar_delay_m
 from integrity.gnss.constants import L1_HZ, SPEED_OF_LIGHT_MPS
 from integrity.gnss.ephemeris import EphemerisStore, satellite_states
 from integrity.gnss.gps_time import NS_PER_S, WEEK_NS, gps_from_week, utc_from_gps
-from integrity.gnss.observations import ObservationBlock, build_block
-from integrity.gnss.positioning import Prefit, points_at, positions, prefit, state_time_ns
+from integrity.gnss.observations import Floats, Ints, ObservationBlock, build_block
+from integrity.gnss.positioning import Points, Prefit, points_at, positions, prefit, state_time_ns
 from integrity.gnss.signals import SYSTEMS, system_index
 from integrity.outputs import EpochReport
 from integrity.states import State
 from integrity.station_monitor import StationMonitor
 from recordings.simulate.constellation import IONOSPHERE
 from recordings.simulate.errors import NOMINAL
-from recordings.simulate.observations import simulate
+from recordings.simulate.observations import Antenna, Motion, antennas_of, fixed, observed, simulate
 
 POINTS_ECEF_M = {  # 90 to 110 m apart, near 35.7 N 139.5 E
     "A": (-3942993.018, 3367676.187, 3701350.868),
@@ -57,7 +57,9 @@ def rows_of(events: tuple[Event, ...], receiver: str) -> list[ObservationsReceiv
     return [event for event in events if isinstance(event, ObservationsReceived) and event.row.receiver == receiver]
 
 
-def seen_from_the_points(events: tuple[Event, ...]) -> tuple[ObservationBlock, EphemerisStore, np.ndarray, Prefit]:
+def seen_from_the_points(
+    events: tuple[Event, ...], receivers: tuple[str, ...] = SITE.receiver_names, points: Points = POINTS
+) -> tuple[ObservationBlock, EphemerisStore, np.ndarray, Prefit]:
     """The measurements with the satellite states of the ephemerides that had arrived, as the station would use them."""
     store, arrived = EphemerisStore(), []
     for event in events:
@@ -65,12 +67,12 @@ def seen_from_the_points(events: tuple[Event, ...]) -> tuple[ObservationBlock, E
             store.add(event.ephemeris)
         elif isinstance(event, Tick):
             arrived.append(len(store.ephemerides))
-    rows = [[event.row for event in rows_of(events, name)] for name in SITE.receiver_names]
+    rows = [[event.row for event in rows_of(events, name)] for name in receivers]
     epoch_ns = [row.receive_time_ns for row in rows[0]]
-    block = build_block(SITE.receiver_names, epoch_ns, list(zip(*rows, strict=True)))
+    block = build_block(receivers, epoch_ns, list(zip(*rows, strict=True)))
     index = store.choose(block.satellites, block.epoch_ns, np.array(arrived))
     states = satellite_states(store.ephemerides, index, state_time_ns(block.epoch_ns))
-    return block, store, index, prefit(block, states, POINTS, IONOSPHERE)
+    return block, store, index, prefit(block, states, points, IONOSPHERE)
 
 
 @pytest.mark.parametrize("start_ns", [START_NS, BEFORE_CHANGE_NS, START_NS + 560 * NS_PER_S, WEEK_NS * 2409 - 30 * NS_PER_S])
@@ -137,14 +139,20 @@ def test_lock_time_counts_from_the_first_epoch_in_sight() -> None:
     block, *_ = seen_from_the_points(simulate(SITE, START_NS, 3600.0, 1.0 / 60.0, 1))
     first = np.isfinite(block.pseudorange_m).argmax(axis=0)
     assert first.max() > 0
-    tracked_s = 60.0 * (np.arange(60)[:, None, None] - first)
+    tracked_s = np.minimum(60.0 * (np.arange(60)[:, None, None] - first), 64.5)  # a u-blox receiver counts no further
     seen = np.isfinite(block.lock_s)
     assert np.array_equal(block.lock_s[seen], tracked_s[seen])
 
 
+def test_a_slip_is_possible_where_tracking_begins() -> None:
+    block, *_ = seen_from_the_points(simulate(SITE, START_NS, 3600.0, 1.0 / 60.0, 1))
+    assert np.array_equal(block.slip, block.lock_s == 0.0)
+    assert block.slip[1:].any()
+
+
 def test_measurements_have_the_resolution_of_a_receiver() -> None:
     row = rows_of(simulate(SITE, START_NS, 1.0, 1.0, 1), "A")[0].row
-    for values, per_unit in ((row.pseudorange_m, 1024), (row.carrier_cycles, 1024), (row.doppler_hz, 1024), (row.cn0_dbhz, 4)):
+    for values, per_unit in ((row.pseudorange_m, 1024), (row.carrier_cycles, 1024), (row.doppler_hz, 1024), (row.cn0_dbhz, 1)):
         assert np.array_equal(np.round(values * per_unit) / per_unit, values)
 
 
@@ -216,3 +224,79 @@ def test_a_site_without_faults_is_normal_once_it_has_started(seed: int) -> None:
     outputs = StationMonitor(SITE).feed(simulate(SITE, START_NS + 400 * NS_PER_S, 300.0, 1.0, seed))
     states = [output.state for output in outputs if isinstance(output, EpochReport)]
     assert set(states[30:]) == {State.NORMAL}
+
+
+EAST = POINTS.enu[0, 0, 0]
+SPEED_MPS, ACCELERATION_MPS2 = 60.0, 0.8
+CLOCK_OF_THE_TRAIN = "rx"
+
+
+def departing(start_ecef_m: tuple[float, float, float]) -> Motion:
+    """East, faster and faster."""
+
+    def motion(gps_ns: Ints) -> tuple[Floats, Floats]:
+        t_s = ((gps_ns - START_NS) / NS_PER_S)[:, None]
+        speed_mps = SPEED_MPS + ACCELERATION_MPS2 * t_s
+        return np.array(start_ecef_m) + 0.5 * (SPEED_MPS + speed_mps) * t_s * EAST, speed_mps * EAST
+
+    return motion
+
+
+TRAIN = (
+    Antenna("front", departing(POINTS_ECEF_M["A"]), CLOCK_OF_THE_TRAIN),
+    Antenna("rear", departing(POINTS_ECEF_M["B"]), CLOCK_OF_THE_TRAIN),
+)
+NAMES = tuple(antenna.receiver for antenna in TRAIN)
+
+
+def clocks_and_residuals(events: tuple[Event, ...]) -> tuple[Floats, Floats]:
+    """Of the train: what the receivers' clocks add (E, 2, 1), and what is left of signals above 15 deg where the antennas truly were."""
+    epoch_ns = np.array([event.row.receive_time_ns for event in rows_of(events, NAMES[0])])
+    moved = [antenna.motion(epoch_ns) for antenna in TRAIN]
+    pos, vel = (np.stack(parts, axis=1) for parts in zip(*moved, strict=True))
+    clock_m = np.zeros((len(epoch_ns), len(TRAIN), 1))
+    for _ in range(2):  # the clocks tell when the antennas were where
+        *_, at_points = seen_from_the_points(events, NAMES, points_at(pos - vel * clock_m / SPEED_OF_LIGHT_MPS))
+        residual_m = np.where(at_points.el_rad > np.radians(15.0), at_points.residual_m, np.nan)
+        clock_m = np.nanmedian(residual_m, axis=2, keepdims=True)
+    return clock_m, residual_m - clock_m
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_a_moving_antenna_measures_from_where_it_is(seed: int) -> None:
+    """As the fixed ones do. In 0.3 ms, which clocks are off, the train runs 2 cm."""
+    _, residual_m = clocks_and_residuals(observed(TRAIN, START_NS, 20.0, 1.0, seed, EXACT))
+    assert np.nanmax(np.abs(residual_m)) < 0.0015
+
+
+def test_antennas_of_one_clock_have_the_same_bias() -> None:
+    """Rounding and the model's linear terms aside; own clocks are kilometres apart."""
+    clock_m, _ = clocks_and_residuals(observed(TRAIN, START_NS, 3.0, 1.0, 1, EXACT))
+    assert np.abs(np.diff(clock_m, axis=1)).max() < 0.002
+
+
+def test_antennas_have_clocks_of_their_own_unless_told_otherwise() -> None:
+    own = tuple(replace(antenna, clock=None) for antenna in TRAIN)
+    clock_m, _ = clocks_and_residuals(observed(own, START_NS, 3.0, 1.0, 1, EXACT))
+    assert np.abs(np.diff(clock_m, axis=1)).min() > 100.0
+
+
+def test_doppler_of_a_moving_antenna_is_the_rate_of_its_carrier() -> None:
+    """As that of the fixed ones; the motion alone makes 300 Hz."""
+    steady = replace(EXACT, clock_noise_m=0.0)
+    nearby = points_at(POINTS.pos_ecef_m[:, :2])
+    block, _, _, at_points = seen_from_the_points(observed(TRAIN, START_NS, 10.0, 1.0, 1, steady), NAMES, nearby)
+    rate_hz = 0.5 * (block.carrier_cycles[2:] - block.carrier_cycles[:-2])
+    high = at_points.el_rad[1:-1] > np.radians(30.0)
+    assert np.abs(block.doppler_hz[1:-1] + rate_hz)[high].max() < 0.003
+
+
+def test_a_fixed_receiver_measures_the_same_while_a_train_passes() -> None:
+    alone = rows_of(simulate(SITE, START_NS, 3.0, 1.0, 5), "B")[-1].row
+    beside = rows_of(observed((*TRAIN, *antennas_of(SITE)), START_NS, 3.0, 1.0, 5), "B")[-1].row
+    assert np.array_equal(alone.carrier_cycles, beside.carrier_cycles)
+
+
+def test_what_stands_still_has_no_velocity() -> None:
+    pos, vel = fixed(POINTS_ECEF_M["C"])(np.array([START_NS, START_NS + 1]))
+    assert (pos.tolist(), vel.tolist()) == ([list(POINTS_ECEF_M["C"])] * 2, [[0.0] * 3] * 2)

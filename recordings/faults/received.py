@@ -1,0 +1,144 @@
+"""What a station hears in a recording, and where the bytes stand that say it: so that a fault changes these bytes and no others."""
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import NamedTuple
+
+from integrity.config import SiteConfig
+from integrity.events import Event, Heard, ObservationsReceived, RawBytes
+from integrity.gnss.ubx.framing import Framer, frame_bytes
+from integrity.gnss.ubx.rawx import RXM_RAWX, decode_rawx
+from integrity.gnss.ubx.sfrbx import RXM_SFRBX
+from integrity.reception import Reception
+from integrity.station_monitor import Snapshot
+
+
+class FrameAt(NamedTuple):
+    """A sound frame in the bytes of a receiver, counted from the first one in the events; below 0: it began before them.
+
+    Complete with the event at `place`; `since` is where the bytes begin that came after the receiver's measurements before.
+    """
+
+    receiver: str
+    place: int
+    since: int
+    begin: int
+    end: int
+    kind: tuple[int, int]
+    payload: bytes
+
+
+class WordsAt(NamedTuple):
+    """A frame of navigation words, and the GPS time at which it came; None before the receiver's first measurements."""
+
+    frame: FrameAt
+    near_ns: int | None
+
+
+@dataclass(frozen=True, eq=False)
+class Received:
+    """The events of a recording with all bytes decoded, each with the place of the event that says it among those of the recording.
+
+    `frames`: of the measurements among them that came as bytes, by their place here. Measurements whose frame began before the events
+    are left out: half of it is not there to be changed.
+    """
+
+    events: tuple[Heard, ...]
+    origins: tuple[int, ...]
+    frames: Mapping[int, FrameAt]
+    words: tuple[WordsAt, ...]
+
+
+class Measured(NamedTuple):
+    """Measurements of a receiver and their time by its clock, complete with the event at `place`; `frame` where they came as bytes."""
+
+    receiver: str
+    place: int
+    receive_time_ns: int
+    frame: FrameAt | None
+
+
+def receive(events: Sequence[Event], site: SiteConfig, snapshot: Snapshot | None) -> Received:
+    """Decode as a station does that begins with `snapshot`; what receivers say of themselves is left out."""
+    reception = Reception(site.receiver_names, (replace(memory, pending=b"") for memory in (snapshot.reception if snapshot else ())))
+    found: list[tuple[Heard, int]] = []
+    frames: dict[int, FrameAt] = {}
+    words: list[WordsAt] = []
+    clocks: dict[str, int] = {}  # GPS time minus monotonic time
+    for event, place, frame in _frames(events, site, snapshot):
+        if frame is None:
+            found.append((_decoded(event), place))
+            continue
+        if frame.kind == RXM_SFRBX:
+            clock = clocks.get(frame.receiver)
+            words.append(WordsAt(frame, None if clock is None else clock + event.mono_ns))
+        elif frame.kind != RXM_RAWX:
+            continue
+        for heard in reception.take(RawBytes(event.mono_ns, frame.receiver, frame_bytes(*frame.kind, frame.payload))):
+            if isinstance(heard, ObservationsReceived):
+                clocks[frame.receiver] = heard.row.receive_time_ns - heard.mono_ns
+                if frame.begin < 0:
+                    continue
+                frames[len(found)] = frame
+            found.append((heard, place))
+    return Received(tuple(heard for heard, _ in found), tuple(place for _, place in found), frames, tuple(words))
+
+
+def measured(events: Sequence[Event], site: SiteConfig, snapshot: Snapshot | None) -> Iterator[Measured]:
+    """The measurements in events, in order."""
+    for event, place, frame in _frames(events, site, snapshot):
+        if isinstance(event, ObservationsReceived):
+            yield Measured(event.row.receiver, place, event.row.receive_time_ns, None)
+        elif frame is not None and frame.kind == RXM_RAWX:
+            (row,) = decode_rawx([frame.payload], frame.receiver)
+            if row is not None:
+                yield Measured(row.receiver, place, row.receive_time_ns, frame)
+
+
+def first_measurement_ns(events: Sequence[Event], site: SiteConfig, snapshot: Snapshot | None) -> int | None:
+    """GPS time of the first measurements, by their receiver's clock; None where there are none."""
+    return next((found.receive_time_ns for found in measured(events, site, snapshot)), None)
+
+
+def _decoded(event: Event) -> Heard:
+    assert not isinstance(event, RawBytes)
+    return event
+
+
+def _frames(events: Sequence[Event], site: SiteConfig, snapshot: Snapshot | None) -> Iterator[tuple[Event, int, FrameAt | None]]:
+    """Events with their places; bytes of the site's receivers once for each sound frame that they complete, others are passed over."""
+    pending = {memory.receiver: memory.pending for memory in (snapshot.reception if snapshot else ())}
+    streams = {receiver: _Stream(receiver, pending.get(receiver, b"")) for receiver in site.receiver_names}
+    for place, event in enumerate(events):
+        if not isinstance(event, RawBytes):
+            yield event, place, None
+        elif event.receiver in streams:
+            for frame in streams[event.receiver].frames(event.data, place):
+                yield event, place, frame
+
+
+class _Stream:
+    """One receiver's bytes."""
+
+    def __init__(self, receiver: str, pending: bytes) -> None:
+        self._receiver = receiver
+        self._framer = Framer(pending)
+        self._next = 0  # where the next event's bytes begin
+        self._since = 0
+
+    def frames(self, data: bytes, place: int) -> Iterator[FrameAt]:
+        """The first bytes equal to a sound frame are this frame: the framer passes over no sound one."""
+        pending = self._framer.pending
+        buffer = pending + data
+        first = self._next - len(pending)
+        self._next += len(data)
+        at = 0
+        for message_class, message_id, payload in self._framer.feed(data):
+            whole = frame_bytes(message_class, message_id, payload)
+            at = buffer.index(whole, at)
+            begin, end = first + at, first + at + len(whole)
+            frame = FrameAt(self._receiver, place, self._since, begin, end, (message_class, message_id), payload)
+            yield frame
+            if frame.kind == RXM_RAWX:
+                self._since = end
+            at += len(whole)

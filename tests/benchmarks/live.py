@@ -1,0 +1,166 @@
+"""The station under its live load: `python -m tests.benchmarks.live [--seconds 600] [--json]`.
+
+Three simulated receivers at 10 Hz send UBX bytes over loopback TCP; the station decides, records, signs and publishes; another process
+verifies every message. Latency runs from the moment at which the last byte of an epoch's last receiver has been handed to the socket,
+to the moment at which the listener has verified the signed health of that epoch (one monotonic clock serves all processes of a machine).
+"""
+
+import argparse
+import json
+import subprocess
+import sys
+import tempfile
+import threading
+import time
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import psutil
+
+from integrity.messages.key_expressions import HEALTH, site_key
+from integrity.messages.verification import HealthVerifier
+from recordings.keys import keys_of, read_trusted
+from recordings.link import Arrival, open_link
+from recordings.simulate.server import ReceiverServer
+from tests.e2e.field import REPOSITORY, SITE_ID, make_field, measured, running_station, until
+
+INTERVAL_S = 0.1
+SETTLED_AFTER_S = 30.0  # from when on the memory counts as settled
+MB = 1e6
+
+
+def listen(endpoint: str, trusted: Path, out: Path) -> None:
+    """The listener's process: verify as messages come, write `gps_time_ns mono_ns state` of each, until stdin closes."""
+    verifier = HealthVerifier(SITE_ID, keys_of(read_trusted(trusted), SITE_ID, trusted), 3000)
+    with out.open("w", buffering=1) as file, open_link([], [endpoint]) as link:
+
+        def take(arrival: Arrival) -> None:
+            received = verifier.health(arrival.key_expr, arrival.data, arrival.mono_ns)
+            done_ns = time.monotonic_ns()
+            if received.health is None:
+                file.write(f"refused {received.refusal}\n")
+            else:
+                file.write(f"{received.health.gps_time_ns} {done_ns} {received.said} {received.health.issued_mono_ns} {arrival.mono_ns}\n")
+
+        link.subscribe(site_key(SITE_ID, HEALTH), take)
+        sys.stdin.read()
+
+
+def measure(seconds: float) -> dict[str, Any]:
+    """Run it all once."""
+    with tempfile.TemporaryDirectory() as folder, ReceiverServer("ABC", "127.0.0.1", 0) as server:
+        field = make_field(Path(folder), {r: f"tcp://{host}:{port}" for r, (host, port) in server.addresses.items()}, INTERVAL_S)
+        events = measured(field.site, seconds)
+        out = Path(folder) / "heard.txt"
+        listener = subprocess.Popen(
+            [sys.executable, "-m", "tests.benchmarks.live", "--listen", field.endpoint, str(field.trusted), str(out)],
+            stdin=subprocess.PIPE,
+            cwd=REPOSITORY,
+        )
+        sent_ns: dict[int, int] = {}
+        with running_station(field) as station:
+            server.wait_for_clients()
+            process = psutil.Process(station.pid)
+            until(lambda: out.exists() and _has_peer(field.endpoint), 10.0)
+            watch = _Watch(process)
+            began_s, cpu_s = time.monotonic(), sum(process.cpu_times()[:2])
+            server.play(events, sent=lambda _, epoch_ns, mono_ns: sent_ns.__setitem__(epoch_ns, mono_ns))
+            cpu_share = (sum(process.cpu_times()[:2]) - cpu_s) / (time.monotonic() - began_s)
+            time.sleep(0.5)
+            rss = watch.stop()
+            station.terminate()
+            exit_code = station.wait(10.0)
+        listener.communicate(timeout=10.0)
+        talk = (Path(folder) / "station.log").read_text()
+        recorded = sum(path.stat().st_size for path in field.recordings())
+        return _summary(seconds, sent_ns, out.read_text().splitlines(), rss, cpu_share, exit_code, talk, recorded)
+
+
+class _Watch:
+    """Resident memory of a process each second, (time, bytes)."""
+
+    def __init__(self, process: psutil.Process) -> None:
+        self._process, self._stopped, self.samples = process, threading.Event(), list[tuple[float, int]]()
+        self._thread = threading.Thread(target=self._run)
+        self._thread.start()
+
+    def _run(self) -> None:
+        began_s = time.monotonic()
+        while not self._stopped.wait(1.0):
+            self.samples.append((time.monotonic() - began_s, self._process.memory_info().rss))
+
+    def stop(self) -> list[tuple[float, int]]:
+        self._stopped.set()
+        self._thread.join()
+        return self.samples
+
+
+def _has_peer(endpoint: str) -> bool:
+    port = int(endpoint.rpartition(":")[2])
+    return any(c.status == psutil.CONN_ESTABLISHED and c.laddr and c.laddr.port == port for c in psutil.net_connections("tcp"))
+
+
+def _summary(
+    seconds: float,
+    sent_ns: dict[int, int],
+    heard: list[str],
+    rss: list[tuple[float, int]],
+    cpu_share: float,
+    exit_code: int,
+    talk: str,
+    recorded: int,
+) -> dict[str, Any]:
+    verified = [line.split() for line in heard if not line.startswith("refused")]
+    latency_ms = np.array([(int(done) - sent_ns[int(gps)]) / 1e6 for gps, done, *_ in verified if int(gps) in sent_ns])
+    parts_ms = {
+        "sent to read": [(int(issued) - sent_ns[int(gps)]) / 1e6 for gps, _, _, issued, _ in verified if int(gps) in sent_ns],
+        "read to put and received": [(int(arrived) - int(issued)) / 1e6 for _, _, _, issued, arrived in verified],
+        "verification": [(int(done) - int(arrived)) / 1e6 for _, done, _, _, arrived in verified],
+    }
+    settled = [b for t, b in rss if t >= min(SETTLED_AFTER_S, seconds / 2)]
+    quarter = max(1, len(settled) // 4)
+    return {
+        "seconds": seconds,
+        "epochs_sent": len(sent_ns),
+        "healths_verified": len(verified),
+        "refused": len(heard) - len(verified),
+        "normal": sum(state == "NORMAL" for _, _, state, *_ in verified),
+        "latency_ms": {
+            name: round(float(np.percentile(latency_ms, q)), 3) for name, q in (("p50", 50), ("p99", 99), ("p999", 99.9), ("max", 100))
+        },
+        "median_parts_ms": {name: round(float(np.median(part)), 3) for name, part in parts_ms.items()},
+        "rss_mb": round(max(b for _, b in rss) / MB, 1),
+        "rss_growth_mb": round((float(np.mean(settled[-quarter:])) - float(np.mean(settled[:quarter]))) / MB, 2),
+        "cpu_percent_of_a_core": round(100.0 * cpu_share, 2),
+        "recorded_mb": round(recorded / MB, 2),
+        "exit_code": exit_code,
+        "talk": talk.splitlines(),
+    }
+
+
+def main() -> None:
+    """Print what was measured, against what was asked."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--seconds", type=float, default=600.0)
+    parser.add_argument("--json", action="store_true")
+    parser.add_argument("--listen", nargs=3, metavar=("ENDPOINT", "TRUSTED", "OUT"), help=argparse.SUPPRESS)
+    arguments = parser.parse_args()
+    if arguments.listen:
+        endpoint, trusted, out = arguments.listen
+        listen(endpoint, Path(trusted), Path(out))
+        return
+    found = measure(arguments.seconds)
+    if arguments.json:
+        print(json.dumps(found, indent=2))
+        return
+    latency = found["latency_ms"]
+    print(f"{found['epochs_sent']} epochs at 10 Hz sent, {found['healths_verified']} healths verified, {found['refused']} refused")
+    print(f"last byte to verified health: p50 {latency['p50']:.2f} ms (asked 2), p99 {latency['p99']:.2f} ms (asked 5), ", end="")
+    print(f"p99.9 {latency['p999']:.2f} ms, max {latency['max']:.2f} ms")
+    print(f"resident memory: {found['rss_mb']:.0f} MB (asked 150), growth {found['rss_growth_mb']:.2f} MB (asked 5)")
+    print(f"processor: {found['cpu_percent_of_a_core']:.1f} % of a core (asked 12); recorded {found['recorded_mb']:.1f} MB")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,109 @@
+"""A station as in the field, on loopback: a folder with site file and keys, simulated receivers on TCP, the station as a process."""
+
+import os
+import socket
+import subprocess
+import sys
+import time
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+
+from integrity.events import Event
+from integrity.gnss.gps_time import parse_utc
+from recordings.keys import new_key, trusted_table
+from recordings.simulate.observations import antennas_of, simulate
+from recordings.simulate.receiver import as_bytes
+from recordings.site_file import SiteFile, load_site
+from tests.unit.sites import A_ECEF_M, B_ECEF_M, C_ECEF_M
+
+REPOSITORY = Path(__file__).resolve().parents[2]
+START_NS = parse_utc("2026-03-02T03:00:00Z")
+SITE_ID = "field"
+
+
+def free_port() -> int:
+    with socket.create_server(("127.0.0.1", 0)) as server:
+        port: int = server.getsockname()[1]
+        return port
+
+
+@dataclass(frozen=True)
+class Field:
+    """The folder of a station; `endpoint` is where it publishes."""
+
+    folder: Path
+    endpoint: str
+    site: SiteFile
+
+    @property
+    def site_file(self) -> Path:
+        return self.folder / "site.toml"
+
+    @property
+    def trusted(self) -> Path:
+        return self.folder / "keys" / "trusted.toml"
+
+    @property
+    def records(self) -> Path:
+        return self.folder / "recordings"
+
+    def recordings(self) -> list[Path]:
+        """Complete recordings and those that were cut, in the order of their beginning."""
+        return sorted(path for path in self.records.iterdir() if path.suffix in (".mcap", ".part"))
+
+
+def make_field(folder: Path, sources: Mapping[str, str], interval_s: float = 1.0, recover_after_s: float = 3.0, more: str = "") -> Field:
+    """A site of three antennas 120 m apart; `more` is TOML at the end of `[integrity]`, and after it."""
+    endpoint = f"tcp/127.0.0.1:{free_port()}"
+    key = folder / "keys" / f"{SITE_ID}.pem"
+    public = new_key(key).public
+    (folder / "keys" / "trusted.toml").write_text(trusted_table(SITE_ID, public))
+    receivers = "\n".join(
+        f'[receivers.{name}]\nsource = "{sources[name]}"\nposition_ecef_m = {list(point)}'
+        for name, point in zip("ABC", (A_ECEF_M, B_ECEF_M, C_ECEF_M), strict=True)
+    )
+    (folder / "site.toml").write_text(
+        f'[site]\nid = "{SITE_ID}"\nframe = "ITRF2020"\nepoch_interval_s = {interval_s}\n{receivers}\n'
+        f'[publish]\nlisten = ["{endpoint}"]\nkey = "{key}"\n[record]\ndirectory = "{folder / "recordings"}"\n'
+        f"[integrity]\nrecover_after_s = {recover_after_s}\n{more}\n"
+    )
+    return Field(folder, endpoint, load_site(folder / "site.toml"))
+
+
+def measured(site: SiteFile, seconds: float, seed: int = 1) -> tuple[Event, ...]:
+    """What the receivers of the site send, as bytes, and ticks."""
+    interval_s = site.config.epoch_interval_ns / 1e9
+    return as_bytes(simulate(site.config, START_NS, seconds, 1.0 / interval_s, seed), antennas_of(site.config))
+
+
+@contextmanager
+def running_station(field: Field, *, environment: Mapping[str, str] | None = None) -> Iterator[subprocess.Popen[str]]:
+    """The station as a process of its own; its talk goes to `station.log` in the folder. Killed at the end if it still runs."""
+    with (field.folder / "station.log").open("a") as log:
+        process = subprocess.Popen(
+            [sys.executable, "-m", "wayside", "station", "run", str(field.site_file)],
+            stdout=log,
+            stderr=log,
+            cwd=REPOSITORY,
+            env=os.environ | {"OPENBLAS_NUM_THREADS": "1"} | dict(environment or {}),
+            text=True,
+        )
+        try:
+            yield process
+        finally:
+            if process.poll() is None:
+                process.kill()
+            process.wait()
+
+
+def until(condition: object, within_s: float) -> bool:
+    """Whether a condition (a callable) becomes true in time."""
+    assert callable(condition)
+    deadline_s = time.monotonic() + within_s
+    while time.monotonic() < deadline_s:
+        if condition():
+            return True
+        time.sleep(0.02)
+    return bool(condition())

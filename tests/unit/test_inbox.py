@@ -1,0 +1,68 @@
+"""The queue between listeners and the thread that decides."""
+
+import threading
+import time
+
+from station.inbox import FILE_PIECE_BYTES, FILE_PIECES, Inbox, Piece
+
+SOON_NS = 5_000_000_000
+
+
+def take(inbox: Inbox) -> Piece | None:
+    return inbox.take(time.monotonic_ns() + SOON_NS)
+
+
+def test_pieces_come_in_the_order_of_arrival() -> None:
+    inbox = Inbox()
+    pieces = [Piece("A", 1, b"a"), Piece("B", 2, b"b"), Piece("A", 3, b"c")]
+    for piece in pieces:
+        inbox.put(*piece)
+    assert [take(inbox) for _ in pieces] == pieces
+
+
+def test_what_does_not_fit_is_dropped_and_counted_once() -> None:
+    inbox = Inbox(most_pieces=2)
+    for k in range(5):
+        inbox.put("A" if k < 4 else "B", k, b"")
+    assert (inbox.dropped(), inbox.dropped()) == ({"A": 2, "B": 1}, {})
+
+
+def test_there_is_room_again() -> None:
+    inbox = Inbox(most_pieces=1)
+    for k in range(3):
+        inbox.put("A", k, b"")
+        assert take(inbox) is not None
+    assert inbox.dropped() == {}
+
+
+def test_a_wait_ends_at_its_time() -> None:
+    assert Inbox().take(time.monotonic_ns() - 1) is None
+
+
+def test_a_wait_ends_when_woken() -> None:
+    inbox = Inbox()
+    threading.Timer(0.05, inbox.wake).start()
+    assert take(inbox) is None
+
+
+def test_a_file_is_read_no_faster_than_it_is_decided() -> None:
+    inbox = Inbox()
+    data = bytes(range(256)) * (10 * FILE_PIECE_BYTES // 256)
+    reader = threading.Thread(target=inbox.put_of_file, args=("A", 0, data))
+    reader.start()
+    first = [take(inbox)]
+    reader.join(0.3)
+    assert reader.is_alive()  # FILE_PIECES more are waiting, and no more than that
+    while (piece := inbox.take(time.monotonic_ns() + 300_000_000)) is not None:
+        first.append(piece)
+    reader.join()
+    assert b"".join(piece.data for piece in first if piece) == data
+
+
+def test_a_closed_inbox_lets_the_reader_of_a_file_go() -> None:
+    inbox = Inbox()
+    reader = threading.Thread(target=inbox.put_of_file, args=("A", 0, bytes((FILE_PIECES + 2) * FILE_PIECE_BYTES)))
+    reader.start()
+    inbox.close()
+    reader.join(2.0)
+    assert not reader.is_alive()
