@@ -74,8 +74,8 @@ def import_(
     imported = import_files(site_file.config, observations, navigation, start_ns, end_ns)
     for warning in imported.warnings:
         talk(f"warning: {warning}")
-    counted = {"dropped": imported.dropped, "not aligned": imported.not_aligned}
-    metadata = {"import": {name.replace(" ", "_"): json.dumps(counts, sort_keys=True) for name, counts in counted.items()}}
+    counted = {"dropped": imported.dropped, "passed over": imported.passed_over}
+    metadata = {"import": {what.replace(" ", "_"): json.dumps(counts, sort_keys=True) for what, counts in counted.items()}}
     _, monitor = decide_and_record(output, site_file, imported.events, metadata, watch=watched)
     if any(log.words for log in logs) and monitor.snapshot().assembler.klobuchar is None:
         talk("warning: no Klobuchar terms came in the logs: the ionosphere stays in the ranges; give a navigation file with --nav")

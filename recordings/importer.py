@@ -33,16 +33,16 @@ AnyRow = TypeVar("AnyRow", ObservationRow, Piece, Row)
 
 @dataclass(frozen=True)
 class Imported:
-    """Events in the order in which a station would have met them, and what cannot be decided on, per receiver and reason.
+    """Events in the order in which a station would have met them, and what is not decided on, per receiver and reason.
 
-    `dropped` is not among the events, or cannot be decoded; `not_aligned` are measurements in the bytes of a log that decisions will
-    pass over. `warnings` are for people.
+    `dropped` is not among the events; `passed_over` stands in the bytes of a log, as they came: what cannot be decoded, and measurements
+    that do not line up. `warnings` are for people.
     """
 
     events: tuple[Event, ...]
     epochs: int
     dropped: Counts
-    not_aligned: Counts
+    passed_over: Counts
     warnings: tuple[str, ...]
 
 
@@ -80,7 +80,8 @@ def import_files(
     rows: dict[str, dict[int, Row]] = {}
     for receiver in site.receiver_names:
         for file in observations[receiver]:
-            counters.dropped[receiver].update(file.problems)
+            counters.dropped[receiver].update(file.dropped if isinstance(file, UbxLog) else file.problems)
+            counters.passed_over[receiver].update(file.passed_over if isinstance(file, UbxLog) else {})
         in_window = [row for file in observations[receiver] for row in _between(_rows(file), site, start_ns, end_ns)]
         if not in_window:
             raise DecodeError(f"receiver {receiver}: no epoch between the times asked for; {_spans(observations, site)}")
@@ -110,7 +111,7 @@ def import_files(
         events=tuple(arrival.event for arrival in arrivals),
         epochs=len(epochs),
         dropped=_counts(counters.dropped),
-        not_aligned=_counts(counters.not_aligned),
+        passed_over=_counts(counters.passed_over),
         warnings=_warnings(observations, navigation, epochs[0]),
     )
 
@@ -119,11 +120,11 @@ class _Counters(NamedTuple):
     """By receiver and reason."""
 
     dropped: dict[str, Counter[str]]
-    not_aligned: dict[str, Counter[str]]
+    passed_over: dict[str, Counter[str]]
 
     def of(self, receiver: str, row: Row) -> Counter[str]:
         """Where a row that does not line up is counted."""
-        return self.dropped[receiver] if isinstance(row, ObservationRow) else self.not_aligned[receiver]
+        return self.dropped[receiver] if isinstance(row, ObservationRow) else self.passed_over[receiver]
 
 
 def _on_grid(rows: Sequence[Row], receiver: str, site: SiteConfig, counters: _Counters) -> dict[int, Row]:

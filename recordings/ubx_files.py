@@ -48,13 +48,17 @@ class Piece(NamedTuple):
 
 @dataclass(frozen=True)
 class UbxLog:
-    """The logs of one receiver: `pieces` by time, then the `tail`; `words` counts RXM-SFRBX; `problems` what cannot be decided on."""
+    """The logs of one receiver: `pieces` by time, then the `tail`; `words` counts RXM-SFRBX.
+
+    `passed_over` counts what stands in these bytes and cannot be decoded, `dropped` what is not among them.
+    """
 
     paths: tuple[str, ...]
     pieces: tuple[Piece, ...]
     tail: bytes
     words: int
-    problems: dict[str, int]
+    passed_over: dict[str, int]
+    dropped: dict[str, int]
     warnings: tuple[str, ...]
 
 
@@ -104,23 +108,31 @@ class _Cutter:
         self._paths: list[str] = []
         self._pieces: list[Piece] = []
         self._words = 0
-        self._problems: Counter[str] = Counter()
+        self._passed_over: Counter[str] = Counter()
+        self._dropped: Counter[str] = Counter()
         self._warnings: list[str] = []
 
     def read(self, path: Path) -> None:
         """The file that follows."""
-        pieces = [piece for chunk in _chunks(path, self._problems) for piece in self._cut(chunk)]
+        pieces = [piece for chunk in _chunks(path, self._dropped) for piece in self._cut(chunk)]
         self._pieces += self._after_jump(path, pieces)
         self._paths.append(str(path))
 
     def log(self) -> UbxLog:
         """What was read, by time."""
         pieces = self._once(sorted(self._pieces, key=lambda piece: piece.receive_time_ns))
-        self._problems["bad frames"] += self._framer.bad_frames
-        self._problems["bytes that are not UBX"] += self._framer.skipped_bytes
-        self._problems["bytes of a frame that does not end"] += len(self._framer.pending)
-        problems = {reason: n for reason, n in self._problems.items() if n}
-        return UbxLog(tuple(self._paths), tuple(pieces), bytes(self._since), self._words, problems, tuple(self._warnings))
+        self._passed_over["bad frames"] += self._framer.bad_frames
+        self._passed_over["bytes that are not UBX"] += self._framer.skipped_bytes
+        self._passed_over["bytes of a frame that does not end"] += len(self._framer.pending)
+        return UbxLog(
+            paths=tuple(self._paths),
+            pieces=tuple(pieces),
+            tail=bytes(self._since),
+            words=self._words,
+            passed_over=dict(self._passed_over),
+            dropped=dict(self._dropped),
+            warnings=tuple(self._warnings),
+        )
 
     def _cut(self, chunk: bytes) -> list[Piece]:
         """The pieces that a chunk completes."""
@@ -132,7 +144,7 @@ class _Cutter:
         begin = 0
         for frame, row in zip(measured, decode_rawx([frame.payload for frame in measured], self._receiver), strict=True):
             if row is None:
-                self._problems[_why_not(frame.payload)] += 1
+                self._passed_over[_why_not(frame.payload)] += 1
                 continue
             whole = frame_bytes(*frame)
             end = self._since.index(whole, begin) + len(whole)  # no sound frame is passed over: the first one found is the one decoded
@@ -147,7 +159,7 @@ class _Cutter:
             return pieces
         first = jumps[-1]
         before, after = (format_utc(piece.receive_time_ns) for piece in pieces[first - 1 : first + 1])
-        self._problems["before the receiver's time jumped"] += first
+        self._dropped["before the receiver's time jumped"] += first
         self._warnings.append(
             f"{path}: time jumps from {before} to {after}, and the {first} epochs before are dropped: the receiver did not know the time; "
             "where it did, and the log was merely continued later, give the two parts as two files"
@@ -162,7 +174,7 @@ class _Cutter:
             if not kept or piece.receive_time_ns != kept[-1].receive_time_ns:
                 now.clear()
             if piece.measured in now:
-                self._problems["epoch repeated"] += 1
+                self._dropped["epoch repeated"] += 1
             else:
                 kept.append(piece)
                 now.add(piece.measured)

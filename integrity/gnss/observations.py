@@ -59,9 +59,10 @@ class ObservationRow:
         if len(set(self.signals)) != n:
             raise ValueError(f"receiver {self.receiver}: a signal stands twice in one row")
         for name in ROW_ARRAYS:
-            if getattr(self, name).shape != (n,):
-                raise ValueError(f"receiver {self.receiver}: {name} has shape {getattr(self, name).shape}, expected ({n},)")
-        freeze(self)
+            array = getattr(self, name)
+            if array.shape != (n,):
+                raise ValueError(f"receiver {self.receiver}: {name} has shape {array.shape}, expected ({n},)")
+            array.setflags(write=False)
 
 
 ROW_FLOATS = ("pseudorange_m", "carrier_cycles", "doppler_hz", "cn0_dbhz", "lock_s")

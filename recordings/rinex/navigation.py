@@ -15,18 +15,14 @@ from pathlib import Path
 from integrity.gnss.atmosphere import Klobuchar
 from integrity.gnss.ephemeris import Ephemeris
 from integrity.gnss.gps_time import DAY_S, NS_PER_S, WEEK_NS, WEEK_S
+from integrity.gnss.navigation import inav, lnav
+from integrity.gnss.navigation.bits import nearest_ns
 from integrity.gnss.signals import SYSTEMS
 from recordings.rinex.text import Header, RinexText, calendar_ns, read_header, read_text, real, reals
 
 VERSIONS = ((2.00, 2.12), (3.00, 3.05))
 
-# Upper bounds of the User Range Accuracy, index 0 to 14; index 15 promises nothing. IS-GPS-200, 20.3.3.3.1.3.
-URA_UPPER_M = (2.4, 3.4, 4.85, 6.85, 9.65, 13.65, 24.0, 48.0, 96.0, 192.0, 384.0, 768.0, 1536.0, 3072.0, 6144.0)
-
-GPS_FIT_HALF_S = 7200.0  # 4 h in all: IS-GPS-200, 20.3.3.4.3.1
-GPS_LONG_FIT_HALF_S = 10_800.0  # a flag where hours should stand says no more than 6 h: IS-GPS-200, table 20-XII
 GPS_LONGEST_FIT_H = 146.0  # IS-GPS-200, table 20-XII
-GALILEO_FIT_HALF_S = 14_400.0  # Galileo OS SIS ICD, 5.1.9.2: a set serves for up to 4 h
 USUAL_LEAD_NS = 2 * 3600 * NS_PER_S  # a GPS set is transmitted for 2 h, which its reference time ends
 
 GALILEO_INAV = 0b101  # data sources: I/NAV E1-B, I/NAV E5b-I. RINEX 3.05, table A8
@@ -136,7 +132,7 @@ def _ephemeris(record: Sequence[str], version: float) -> Ephemeris | str:
     if galileo and not int(source) & GALILEO_INAV:
         return "Galileo F/NAV, not used for E1"
     # The week next to the epoch, which the week field repeats: some files have it modulo 1024, or that of the transmission.
-    toe_ns = _nearest_week_ns(round(toe_s * NS_PER_S), toc_ns)
+    toe_ns = nearest_ns(round(toe_s * NS_PER_S), toc_ns, WEEK_NS)
     ephemeris = Ephemeris(
         satellite=satellite.replace(" ", "0"),
         issue=int(issue),
@@ -145,7 +141,7 @@ def _ephemeris(record: Sequence[str], version: float) -> Ephemeris | str:
         transmission_ns=_transmission_ns(transmission_s, toe_ns),
         toe_ns=toe_ns,
         toc_ns=toc_ns,
-        fit_half_s=GALILEO_FIT_HALF_S if galileo else _gps_fit_half_s(fit_h),
+        fit_half_s=inav.FIT_HALF_S if galileo else _gps_fit_half_s(fit_h),
         sqrt_a=sqrt_a,
         e=e,
         i0=i0,
@@ -184,15 +180,10 @@ def _toc_ns(line: str, version: float) -> int | None:
     return None
 
 
-def _nearest_week_ns(time_ns: int, reference_ns: int) -> int:
-    """The time that differs from `time_ns` by whole weeks and is nearest to the reference."""
-    return time_ns + (reference_ns - time_ns + WEEK_NS // 2) // WEEK_NS * WEEK_NS
-
-
 def _transmission_ns(time_of_week_s: float, toe_ns: int) -> int:
     """When a set was transmitted; as usual before toe where the file does not say (blank, 0.9999E9) or says a time over a day from toe."""
     if -WEEK_S <= time_of_week_s <= 2 * WEEK_S:
-        transmission_ns = _nearest_week_ns(round(time_of_week_s * NS_PER_S), toe_ns)
+        transmission_ns = nearest_ns(round(time_of_week_s * NS_PER_S), toe_ns, WEEK_NS)
         if abs(transmission_ns - toe_ns) <= DAY_S * NS_PER_S:
             return transmission_ns
     return toe_ns - USUAL_LEAD_NS
@@ -200,7 +191,7 @@ def _transmission_ns(time_of_week_s: float, toe_ns: int) -> int:
 
 def _ura_m(value_m: float) -> float | None:
     """Upper bound of the accuracy that a file gives as nominal value or upper bound; None where the satellite promises none."""
-    return URA_UPPER_M[bisect_left(URA_UPPER_M, value_m)] if 0.0 <= value_m <= URA_UPPER_M[-1] else None
+    return lnav.URA_UPPER_M[bisect_left(lnav.URA_UPPER_M, value_m)] if 0.0 <= value_m <= lnav.URA_UPPER_M[-1] else None
 
 
 def _sisa_m(value_m: float) -> float | None:
@@ -211,5 +202,5 @@ def _sisa_m(value_m: float) -> float | None:
 def _gps_fit_half_s(fit_h: float) -> float:
     """Half of the fit interval; the file has hours, or in old ones the flag itself (RINEX 3.05, 6.11), or nothing."""
     if fit_h == 1.0:
-        return GPS_LONG_FIT_HALF_S
-    return fit_h * 1800.0 if 4.0 < fit_h <= GPS_LONGEST_FIT_H else GPS_FIT_HALF_S
+        return lnav.FIT_HALF_S[1]
+    return fit_h * 1800.0 if 4.0 < fit_h <= GPS_LONGEST_FIT_H else lnav.FIT_HALF_S[0]

@@ -197,6 +197,7 @@ def test_a_station_that_is_killed_is_gone_at_once_and_then_there_are_no_comms_on
         listener.notice(f"{SITE_ID} is gone")
         listener.notice("NO_COMMS")
         took_s = time.monotonic() - killed
+        time.sleep(0.7)  # longer than the message was valid
         listener.process.terminate()
         listener.process.wait(PATIENCE_S)
         later = [listener.err.get() for _ in range(listener.err.qsize())]

@@ -208,10 +208,7 @@ def server() -> Iterator[ReceiverServer]:
 
 
 def test_bursts_are_sent_at_their_times(server: ReceiverServer) -> None:
-    """Ten epochs a second for three seconds, in a process of its own where the machine allows less than 1 ms; here it is busy.
-
-    Lateness does not add up: the last epoch is as late as any.
-    """
+    """Ten a second for three seconds, and lateness does not add up. On a quiet machine 99 of 100 are less than 1 ms late; here it is busy."""
     events = as_bytes(simulate(a_site(0.1), START_NS, 3.0, 10.0, 1), antennas_of(SITE))
     clients = {receiver: Client(port) for receiver, (_, port) in server.addresses.items()}
     handed: list[tuple[str, int, int]] = []
@@ -223,6 +220,7 @@ def test_bursts_are_sent_at_their_times(server: ReceiverServer) -> None:
     assert [receiver for receiver, _, _ in handed] == ["A", "B", "C"] * 30
     late_ms = [(mono_ns - handed[0][2] - (epoch_ns - START_NS)) / 1e6 for _, epoch_ns, mono_ns in handed]
     assert statistics.median(late_ms) < 5.0
+    assert min(late_ms) > -20.0  # as early as the first one was late
     assert min(late_ms[-30:]) < 5.0
     spread_ms = [(c[2] - a[2]) / 1e6 for a, c in zip(handed[0::3], handed[2::3], strict=True)]
     assert statistics.median(spread_ms) < 1.0

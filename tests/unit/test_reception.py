@@ -99,7 +99,7 @@ def test_a_snapshot_within_a_frame_goes_on_as_if_nothing_had_been(place: int, af
 
 
 def test_bytes_of_an_unknown_receiver_are_passed_over() -> None:
-    assert heard([RawBytes(0, "X", as_sent()[0].data if isinstance(as_sent()[0], RawBytes) else b"")]) == []
+    assert heard([RawBytes(0, "X", NAV_PVT_NO_FIX)]) == []
 
 
 def test_damage_is_counted() -> None:
@@ -120,7 +120,7 @@ def test_what_a_receiver_says_of_itself_is_among_the_reasons() -> None:
     jammed = frame_bytes(0x0A, 0x38, bytes((0, 1, 0, 0)) + bytes((0, 3, 2, 1)) + bytes(20))
     sent = as_sent()
     first = next(i for i, e in enumerate(sent) if isinstance(e, RawBytes))
-    outputs = monitor.feed([*sent[:first], RawBytes(sent[first].mono_ns - 2 * NS_PER_S, "A", jammed), *sent[first:]])
+    outputs = monitor.feed([*sent[:first], RawBytes(sent[first].mono_ns - NS_PER_S // 2, "A", jammed), *sent[first:]])
     health = next(o for o in outputs if not isinstance(o, EpochReport) and hasattr(o, "reasons"))
     assert any(reason.startswith("A reports interference") for reason in health.reasons)
 
