@@ -170,15 +170,15 @@ def inject(
     from recordings.faults import inject as with_faults
     from recordings.faults import parse_faults
     from recordings.reader import read_recording
-    from recordings.replay import decide_and_record, decoded, first_epoch_ns, replayable
+    from recordings.replay import decide_and_record, first_epoch_ns, replayable
 
     contents = read_recording(recording)
-    todo = decoded(replayable(contents))
+    todo = replayable(contents)
     text = _text(faults)
     parsed = parse_faults(text, str(faults), first_epoch_ns(todo), todo.site.config)
     events = with_faults(todo.events, parsed, todo.site.config, snapshot=todo.snapshot)
     kept = {name: values for name, values in contents.metadata.items() if name == "import"}
-    decide_and_record(output, todo.site, events, kept | {"truth": {"faults": text}}, todo.snapshot, watched)
+    decide_and_record(output, todo.site, events, kept | {"truth": {"faults": text}}, todo.snapshot, watched, todo.boot)
     talk(f"{output}: {len(parsed)} fault{'s' if len(parsed) != 1 else ''} injected")
 
 

@@ -13,7 +13,7 @@ from pathlib import Path
 from integrity import SOFTWARE
 from integrity.assembler import nominal_epoch_ns
 from integrity.errors import ConfigError, DecodeError, RecordingError
-from integrity.events import Event, Heard, ObservationsReceived, RawBytes, StatusReceived, Tick
+from integrity.events import Event, ObservationsReceived, RawBytes, Tick
 from integrity.gnss.gps_time import NS_PER_S, format_calendar, gps_from_utc, parse_utc
 from integrity.health import Health
 from integrity.messages import wayside_pb2 as pb
@@ -253,22 +253,13 @@ def _record(
             due = next(waiting, None)
 
 
-def decoded(todo: Replayable) -> Replayable:
-    """The same with bytes of receivers as what they say: rows, ephemerides, ionosphere; without what receivers say of themselves."""
-    snapshot = replace(todo.snapshot, reception=()) if todo.snapshot else None
-    return replace(todo, snapshot=snapshot, events=tuple(x for x in _heard(todo) if not isinstance(x, StatusReceived)))
-
-
-def _heard(todo: Replayable) -> Iterator[Heard]:
-    reception = Reception(todo.site.config.receiver_names, todo.snapshot.reception if todo.snapshot else ())
-    return (heard for event in todo.events for heard in reception.take(event))
-
-
 def first_epoch_ns(todo: Replayable) -> int:
     """GPS time of the first row of observations."""
-    for heard in _heard(todo):
-        if isinstance(heard, ObservationsReceived):
-            return nominal_epoch_ns(heard.row.receive_time_ns, todo.site.config.epoch_interval_ns)
+    reception = Reception(todo.site.config.receiver_names, todo.snapshot.reception if todo.snapshot else ())
+    for event in todo.events:
+        for heard in reception.take(event):
+            if isinstance(heard, ObservationsReceived):
+                return nominal_epoch_ns(heard.row.receive_time_ns, todo.site.config.epoch_interval_ns)
     raise RecordingError("no observations in the recording: there is nothing to inject into")
 
 

@@ -1,72 +1,150 @@
 """Events in, events with faults out.
 
-Whatever their order in the file, faults act in the order in which nature applies them: ranges, reception, then the receiver itself.
-Each goes by the recording as it was before any of them.
+Whatever their order in the file, faults act in the order in which nature applies them: ranges, reception, the receiver itself, its
+link. Each goes by the recording as it was before any of them.
+
+Where a recording has the bytes of a receiver, the frames concerned are changed in them, checksums redone; all other bytes stay.
 """
 
 from collections.abc import Iterable, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, field, replace
 
+from integrity.assembler import nominal_epoch_ns
 from integrity.config import SiteConfig
 from integrity.errors import ConfigError
-from integrity.events import Event, ObservationsReceived
+from integrity.events import EphemerisReceived, Event, ObservationsReceived
 from integrity.gnss.gps_time import format_utc
 from integrity.gnss.observations import ObservationRow
 from integrity.gnss.signals import satellite_of
+from integrity.gnss.ubx.framing import frame_bytes
 from integrity.station_monitor import Snapshot
-from recordings.faults.kinds import Jamming, ReceiverDrop, ReceiverFreeze, SatelliteRamp, SatelliteStep, WrongEphemeris, receivers_of
-from recordings.faults.orbits import wrong_navigation
-from recordings.faults.ranges import Rows, with_ranges_changed
-from recordings.faults.reception import frozen, jammed, with_deadline_ticks
+from recordings.faults.kinds import (
+    CorruptBytes,
+    Delay,
+    Jamming,
+    LinkEffect,
+    ReceiverDrop,
+    ReceiverDuplicate,
+    ReceiverFreeze,
+    SatelliteRamp,
+    SatelliteStep,
+    WrongEphemeris,
+    receivers_of,
+)
+from recordings.faults.links import corrupted, delayed, duplicated
+from recordings.faults.measurements import rewritten
+from recordings.faults.orbits import serving, wrong_navigation
+from recordings.faults.ranges import with_ranges_changed
+from recordings.faults.received import FrameAt, Measured, Received, measured, receive
+from recordings.faults.reception import frozen, jammed, last_before, with_deadline_ticks
 from recordings.faults.scenario import Fault
-from recordings.faults.truth import RecordedRow, Truth, truth_of
+from recordings.faults.splicing import Edit, spliced
+from recordings.faults.truth import RangeChange, RecordedRow, Truth, truth_of
+from recordings.faults.words import wrong_words
 
-LATER = (Jamming, ReceiverFreeze, ReceiverDrop)  # after everything that changes ranges, in this order
+LATER = (Jamming, ReceiverFreeze, ReceiverDrop, ReceiverDuplicate, Delay, CorruptBytes)  # after all that changes ranges, in this order
+
+
+@dataclass
+class _Changes:
+    """What the faults so far have made of a recording: rows and events by their place among what was received, frames by where they are.
+
+    `moved`: by how much the ranges of a row were moved in all; `repeats`: the row that is sent in place of another.
+    """
+
+    rows: dict[int, ObservationRow]
+    moved: dict[int, RangeChange] = field(default_factory=dict)
+    repeats: dict[int, int] = field(default_factory=dict)
+    dropped: set[int] = field(default_factory=set)
+    before: dict[int, list[Event]] = field(default_factory=dict)
+    instead: dict[int, Event] = field(default_factory=dict)
+    words: dict[FrameAt, bytes] = field(default_factory=dict)
 
 
 def inject(
     events: Sequence[Event], faults: Sequence[Fault], site: SiteConfig, seed: int = 0, snapshot: Snapshot | None = None
 ) -> tuple[Event, ...]:
-    """The events of a recording with faults in it; `seed` draws the noise of jamming, `snapshot` is what the
-    recording begins with: the ephemerides and the ionosphere that had arrived before its events.
+    """The events of a recording with faults in it; `seed` draws the noise of jamming and the bits that flip, `snapshot` is what the
+    recording begins with: the ephemerides and the ionosphere that had arrived before its events, and what was pending of its bytes.
 
     A fault covers whole epochs (nominal times). ConfigError where a fault would change nothing.
     """
-    truth = truth_of(events, site, snapshot)
-    rows: dict[int, ObservationRow] = {seen.place: seen.row for seen in truth.rows}
-    before: dict[int, list[Event]] = {}
-    instead: dict[int, Event] = {}
+    if not faults:
+        return tuple(events)
+    received = receive(events, site, snapshot)
+    truth = truth_of(received.events, site, snapshot)
+    changes = _Changes({seen.place: seen.row for seen in truth.rows})
+    on_links: list[tuple[int, Fault, LinkEffect]] = []
     silenced: dict[str, None] = {}
     for number, fault in sorted(enumerate(faults), key=lambda numbered: _turn(numbered[1])):
         effect = fault.effect
         hit = _rows_hit(fault, truth)
-        match effect:
-            case WrongEphemeris():
-                edits = wrong_navigation(fault, effect, truth, hit, events)
-                instead |= edits.instead
-                for place, entering in edits.before.items():
-                    before[place] = before.get(place, []) + entering
-                continue
-            case ReceiverDrop():
-                for seen in hit:
-                    rows.pop(seen.place, None)
-                silenced[effect.receiver] = None
-                continue
-            case Jamming():
-                changed = dict(jammed(fault, effect, truth, hit, rows, (seed, number)))
-            case ReceiverFreeze():
-                changed = dict(frozen(truth, hit, rows))
-            case _:
-                changed = dict(with_ranges_changed(fault, effect, truth, hit, rows))
-        if not changed:
+        if isinstance(effect, ReceiverDrop | Delay | CorruptBytes):
+            silenced[effect.receiver] = None
+        if isinstance(effect, LinkEffect):
+            on_links.append((number, fault, effect))
+        elif not _change(changes, fault, received, truth, hit, (seed, number)):
             raise ConfigError(f"{fault}: changes nothing: {_why_nothing(fault, truth)}; choose another start, size, receiver or satellite")
-        rows |= changed
-    out = _rebuilt(events, rows, before, instead, site)
-    return tuple(with_deadline_ticks(out, tuple(silenced), site) if silenced else out)
+    out = _rebuilt(events, received, changes)
+    if on_links:
+        out = _on_their_way(out, on_links, site, seed, snapshot)
+    if silenced:
+        heard = {found.place: found.receiver for found in measured(out, site, snapshot)}
+        out = with_deadline_ticks(out, heard, tuple(silenced), site)
+    return tuple(out)
 
 
 def _turn(fault: Fault) -> int:
     return next((1 + i for i, kind in enumerate(LATER) if isinstance(fault.effect, kind)), 0)
+
+
+def _change(changes: _Changes, fault: Fault, received: Received, truth: Truth, hit: Sequence[RecordedRow], seed: tuple[int, int]) -> bool:
+    """Note what a fault changes; whether that is anything."""
+    rows = changes.rows
+    match fault.effect:
+        case WrongEphemeris() as effect:
+            return _displace(changes, fault, effect, received, truth, hit)
+        case ReceiverDrop():
+            changes.dropped.update(seen.place for seen in hit)
+            return True
+        case Jamming() as effect:
+            changed = dict(jammed(fault, effect, truth, hit, rows, seed))
+        case ReceiverFreeze():
+            last = last_before(truth, hit)
+            changed = {} if last is None else dict(frozen(hit, rows[last]))
+            if last is not None:
+                changes.repeats |= dict.fromkeys(changed, changes.repeats.get(last, last))
+        case CorruptBytes() | Delay() | ReceiverDuplicate():
+            raise AssertionError(f"{fault.kind} acts after everything else")
+        case effect:
+            changed = {}
+            for place, row, change in with_ranges_changed(fault, effect, truth, hit, rows):
+                changed[place] = row
+                before = changes.moved.get(place)
+                changes.moved[place] = change if before is None else RangeChange(*(a + b for a, b in zip(before, change, strict=True)))
+    rows |= changed
+    return bool(changed)
+
+
+def _displace(
+    changes: _Changes, fault: Fault, effect: WrongEphemeris, received: Received, truth: Truth, hit: Sequence[RecordedRow]
+) -> bool:
+    """Words are replaced as they come; where ephemerides or measurements come as such, so does the displaced one."""
+    serving(fault, effect, truth, hit[0])
+    words = dict(wrong_words(fault, effect, truth, received.words))
+    changes.words |= words
+    as_such = [
+        (place, event)
+        for place, event in enumerate(received.events)
+        if isinstance(event, EphemerisReceived | ObservationsReceived) and not received.as_bytes[place]
+    ]
+    if as_such:
+        told = {place: event for place, event in as_such if isinstance(event, EphemerisReceived)}
+        edits = wrong_navigation(fault, effect, truth, hit, told)
+        changes.instead |= edits.instead
+        for place, entering in edits.before.items():
+            changes.before[place] = changes.before.get(place, []) + entering
+    return bool(words or as_such)
 
 
 def _rows_hit(fault: Fault, truth: Truth) -> list[RecordedRow]:
@@ -89,6 +167,8 @@ def _why_nothing(fault: Fault, truth: Truth) -> str:
             return f"no row of the receiver before it could be repeated; {_span(truth)}"
         case Jamming():
             return "no signal is received then, or the ramp has not begun"
+        case WrongEphemeris():
+            return "no words with the orbit of the satellite begin then; each page comes every 30 s"
         case _:
             return "no ephemeris of a satellite seen then has arrived, or the ranges are what they would be anyway"
 
@@ -104,15 +184,77 @@ def _span(truth: Truth) -> str:
     return f"the recording spans {format_utc(min(epochs))} to {format_utc(max(epochs))}"
 
 
-def _rebuilt(
-    events: Sequence[Event], rows: Rows, before: dict[int, list[Event]], instead: dict[int, Event], site: SiteConfig
-) -> list[Event]:
-    """The events with their rows as they are now; rows that are no more are left out, rows of receivers unknown to the site stay."""
+def _rebuilt(events: Sequence[Event], received: Received, changes: _Changes) -> list[Event]:
+    """The events as they are now; rows that are no more are left out, events of receivers unknown to the site stay."""
+    place_of = {origin: place for place, origin in enumerate(received.origins) if not received.as_bytes[place]}
+    before: dict[int, list[Event]] = {}
+    for place, entering in changes.before.items():
+        before[received.origins[place]] = before.get(received.origins[place], []) + entering
     out: list[Event] = []
-    for place, event in enumerate(events):
-        out += before.get(place, [])
-        if not isinstance(event, ObservationsReceived) or event.row.receiver not in site.receiver_names:
-            out.append(instead.get(place, event))
-        elif place in rows:
-            out.append(event if rows[place] is event.row else replace(event, row=rows[place]))
+    for origin, event in enumerate(spliced(events, _edits(received, changes))):
+        out += before.get(origin, [])
+        at = place_of.get(origin)  # None: bytes
+        if event is None or at in changes.dropped:
+            continue
+        if at is None:
+            out.append(event)
+        elif isinstance(event, ObservationsReceived) and at in changes.rows:
+            row = changes.rows[at]
+            out.append(event if row is event.row else replace(event, row=row))
+        else:
+            out.append(changes.instead.get(at, event))
     return out
+
+
+def _edits(received: Received, changes: _Changes) -> list[Edit]:
+    """What becomes of the bytes. Of a receiver that is silent, all that came since its measurements before is gone."""
+    edits = [Edit(f.receiver, f.begin, f.end, frame_bytes(*f.kind, payload)) for f, payload in changes.words.items()]
+    last = {frame.receiver: place for place, frame in received.frames.items()}
+    for place, frame in received.frames.items():
+        was = _row(received, place)
+        if place in changes.dropped:
+            end = received.sizes[frame.receiver] if place == last[frame.receiver] else frame.end
+            edits.append(Edit(frame.receiver, frame.since, end, b""))
+        elif changes.rows[place] is not was:
+            source = changes.repeats.get(place, place)
+            payload = rewritten(
+                frame.payload, received.frames[source].payload, _row(received, source), changes.rows[place], changes.moved.get(source)
+            )
+            edits.append(Edit(frame.receiver, frame.begin, frame.end, frame_bytes(*frame.kind, payload)))
+    return edits
+
+
+def _row(received: Received, place: int) -> ObservationRow:
+    event = received.events[place]
+    assert isinstance(event, ObservationsReceived)
+    return event.row
+
+
+def _on_their_way(
+    events: list[Event], faults: Sequence[tuple[int, Fault, LinkEffect]], site: SiteConfig, seed: int, snapshot: Snapshot | None
+) -> list[Event]:
+    """What links make of the events. Bits flip last: what is not a sound frame any more would be no mark of where an epoch ends."""
+    found: list[Measured] = []
+    for number, fault, effect in faults:
+        found = found or list(measured(events, site, snapshot))
+        of_receiver = (m for m in found if m.receiver == effect.receiver)
+        hit = [m for m in of_receiver if fault.covers(nominal_epoch_ns(m.receive_time_ns, site.epoch_interval_ns))]
+        match effect:
+            case CorruptBytes():
+                changed = corrupted(events, effect, hit, site, (seed, number))  # in place: what was found stays where it was
+            case Delay():
+                changed, found = delayed(events, effect, hit), []
+            case ReceiverDuplicate():
+                changed, found = duplicated(events, effect, hit), []
+        if changed == events:
+            raise ConfigError(f"{fault}: changes nothing: {_why_no_link(effect, hit)}; choose another start, duration, rate or receiver")
+        events = changed
+    return events
+
+
+def _why_no_link(effect: LinkEffect, hit: Sequence[Measured]) -> str:
+    if not hit:
+        return f"another fault has silenced {effect.receiver} then"
+    if all(found.frame is None for found in hit):
+        return f"the recording has no bytes of {effect.receiver}, only its measurements"
+    return "no bit happens to flip"

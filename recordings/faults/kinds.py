@@ -172,8 +172,32 @@ class Jamming(Section):
     ramp_s: Annotated[float, Field(ge=0, le=1e6, description="seconds, from 0 to 1000000")] = 0.0
 
 
+class CorruptBytes(Section):
+    """Bits of a receiver's bytes flip on the way, in a byte with the probability `rate`; only where its bytes were recorded."""
+
+    kind: ClassVar = "corrupt_bytes"
+    receiver: Receiver
+    rate: Annotated[float, Field(gt=0, le=1, description="damaged bytes per byte, above 0 and at most 1")]
+
+
+class ReceiverDuplicate(Section):
+    """What a receiver sends comes twice."""
+
+    kind: ClassVar = "receiver_duplicate"
+    receiver: Receiver
+
+
+class Delay(Section):
+    """What a receiver sends comes later by `seconds`; what it sends afterwards waits behind it."""
+
+    kind: ClassVar = "delay"
+    receiver: Receiver
+    seconds: Annotated[float, Field(ge=0.001, le=86_400, description="seconds, from 0.001 to 86400")]
+
+
 RangeEffect = SatelliteStep | SatelliteRamp | ReceiverBias | ReceiverRamp | AntennaMoved | TwoReceivers | Spoofing
-Effect = RangeEffect | WrongEphemeris | ReceiverFreeze | ReceiverDrop | Jamming
+LinkEffect = CorruptBytes | ReceiverDuplicate | Delay
+Effect = RangeEffect | WrongEphemeris | ReceiverFreeze | ReceiverDrop | Jamming | LinkEffect
 
 _ALL: tuple[type[Effect], ...] = (
     SatelliteStep,
@@ -187,6 +211,9 @@ _ALL: tuple[type[Effect], ...] = (
     TwoReceivers,
     Jamming,
     Spoofing,
+    CorruptBytes,
+    ReceiverDuplicate,
+    Delay,
 )
 KINDS: dict[str, type[Effect]] = {effect.kind: effect for effect in _ALL}
 

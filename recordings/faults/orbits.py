@@ -1,6 +1,6 @@
 """A satellite that broadcasts a wrong orbit: the ephemeris displaced along, across or in height, and what a station would then receive."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from math import cos, sqrt
 from typing import Literal
@@ -56,40 +56,43 @@ def displaced(true: Ephemeris, offset_m: float, direction: Literal["along", "cro
 
 
 def wrong_navigation(
-    fault: Fault, effect: WrongEphemeris, truth: Truth, hit: Sequence[RecordedRow], events: Sequence[Event]
+    fault: Fault, effect: WrongEphemeris, truth: Truth, hit: Sequence[RecordedRow], told: Mapping[int, EphemerisReceived]
 ) -> NavigationEdits:
     """The displaced ephemeris enters before the first faulty epoch, transmitted when the fault starts; every one of the satellite that
     arrives during the fault is displaced likewise; the newest true one enters before the first epoch after it.
 
-    ConfigError where no ephemeris of the satellite serves at the start, or the displaced one is no orbit.
+    `told` are the ephemerides that came as such, not as words, by place.
     """
-    first, after = hit[0].place, next((s.place for s in truth.rows if s.place > hit[-1].place and not fault.covers(s.epoch_ns)), None)
-    store = truth.store
-    arrived = np.array([hit[0].arrived])
-    serving = int(store.choose([effect.satellite], np.array([hit[0].epoch_ns]), arrived)[0, 0])
-    if serving < 0:
-        raise ConfigError(f"{fault}: no ephemeris of {effect.satellite} had arrived by then; choose a later start or another satellite")
+    after = next((s for s in truth.rows if s.place > hit[-1].place and not fault.covers(s.epoch_ns)), None)
     edits = NavigationEdits()
-    true = store.ephemerides[serving]
+    true = serving(fault, effect, truth, hit[0])
     sent_ns = max(fault.start_ns, true.transmission_ns + 1)
     new_issue = (true.issue + 1) % ISSUES[true.satellite[0]]
-    entering = replace(_wrong(fault, effect, true, sent_ns), issue=new_issue, transmission_ns=sent_ns)
-    edits.before[first] = [EphemerisReceived(events[first].mono_ns, entering)]
+    entering = replace(wrong_orbit(fault, effect, true, sent_ns), issue=new_issue, transmission_ns=sent_ns)
+    edits.before[hit[0].place] = [EphemerisReceived(hit[0].mono_ns, entering)]
     newest = true
-    for place in range(first, len(events) if after is None else after):
-        event = events[place]
-        if isinstance(event, EphemerisReceived) and event.ephemeris.satellite == effect.satellite:
-            edits.instead[place] = replace(
-                event, ephemeris=_wrong(fault, effect, event.ephemeris, max(sent_ns, event.ephemeris.transmission_ns))
-            )
+    for place, event in told.items():
+        during = hit[0].place <= place and (after is None or place < after.place)
+        if during and event.ephemeris.satellite == effect.satellite:
+            displaced_too = wrong_orbit(fault, effect, event.ephemeris, max(sent_ns, event.ephemeris.transmission_ns))
+            edits.instead[place] = replace(event, ephemeris=displaced_too)
             newest = max(newest, event.ephemeris, key=lambda e: (e.transmission_ns, e.toe_ns, e.issue))
     if after is not None and fault.end_ns is not None:
         again = replace(newest, transmission_ns=max(fault.end_ns, sent_ns + 1))
-        edits.before[after] = [EphemerisReceived(events[after].mono_ns, again)]
+        edits.before[after.place] = [EphemerisReceived(after.mono_ns, again)]
     return edits
 
 
-def _wrong(fault: Fault, effect: WrongEphemeris, true: Ephemeris, gps_ns: int) -> Ephemeris:
+def serving(fault: Fault, effect: WrongEphemeris, truth: Truth, first: RecordedRow) -> Ephemeris:
+    """The ephemeris in use when the fault starts; ConfigError where there is none."""
+    index = int(truth.store.choose([effect.satellite], np.array([first.epoch_ns]), np.array([first.arrived]))[0, 0])
+    if index < 0:
+        raise ConfigError(f"{fault}: no ephemeris of {effect.satellite} had arrived by then; choose a later start or another satellite")
+    return truth.store.ephemerides[index]
+
+
+def wrong_orbit(fault: Fault, effect: WrongEphemeris, true: Ephemeris, gps_ns: int) -> Ephemeris:
+    """The ephemeris displaced as the fault says at a GPS time; ConfigError where that is no orbit."""
     wrong = displaced(true, effect.offset_m, effect.direction, gps_ns)
     why = wrong.implausibility()
     if why is not None:

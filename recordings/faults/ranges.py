@@ -26,15 +26,16 @@ Rows = Mapping[int, ObservationRow]  # by place in the events, with the faults s
 
 def with_ranges_changed(
     fault: Fault, effect: RangeEffect, truth: Truth, hit: Sequence[RecordedRow], rows: Rows
-) -> Iterator[tuple[int, ObservationRow]]:
-    """The rows that the fault changes, by place."""
+) -> Iterator[tuple[int, ObservationRow, RangeChange]]:
+    """The rows that the fault changes, by place, and by how much their ranges are moved."""
     for seen, change in _changes(fault, effect, truth, hit):
         delta_m, rate_mps = (np.where(np.isfinite(part), part, 0.0) for part in change)
         if delta_m.any() or rate_mps.any():
-            row = _moved(rows[seen.place], RangeChange(delta_m, rate_mps))
+            moved = RangeChange(delta_m, rate_mps)
+            row = _moved(rows[seen.place], moved)
             if isinstance(effect, Spoofing) and not effect.coherent:
                 row = _acquired_anew(row, np.isfinite(change.delta_m), _elapsed_s(fault, seen), truth.site.epoch_interval_ns / NS_PER_S)
-            yield seen.place, row
+            yield seen.place, row, moved
 
 
 def _changes(fault: Fault, effect: RangeEffect, truth: Truth, hit: Sequence[RecordedRow]) -> Iterator[tuple[RecordedRow, RangeChange]]:

@@ -1,5 +1,6 @@
 """What a station hears in a recording, and where the bytes stand that say it: so that a fault changes these bytes and no others."""
 
+from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import NamedTuple
@@ -39,12 +40,14 @@ class WordsAt(NamedTuple):
 class Received:
     """The events of a recording with all bytes decoded, each with the place of the event that says it among those of the recording.
 
-    `frames`: of the measurements among them that came as bytes, by their place here. Measurements whose frame began before the events
-    are left out: half of it is not there to be changed.
+    `as_bytes`: whether each came so. `frames`: of the measurements among these, by their place here; those whose frame began before the
+    events are left out: half of it is not there to be changed. `sizes`: how many bytes of each receiver there are.
     """
 
     events: tuple[Heard, ...]
     origins: tuple[int, ...]
+    as_bytes: tuple[bool, ...]
+    sizes: Mapping[str, int]
     frames: Mapping[int, FrameAt]
     words: tuple[WordsAt, ...]
 
@@ -64,6 +67,10 @@ def receive(events: Sequence[Event], site: SiteConfig, snapshot: Snapshot | None
     found: list[tuple[Heard, int]] = []
     frames: dict[int, FrameAt] = {}
     words: list[WordsAt] = []
+    sizes: dict[str, int] = Counter()
+    for event in events:
+        if isinstance(event, RawBytes):
+            sizes[event.receiver] += len(event.data)
     clocks: dict[str, int] = {}  # GPS time minus monotonic time
     for event, place, frame in _frames(events, site, snapshot):
         if frame is None:
@@ -81,23 +88,26 @@ def receive(events: Sequence[Event], site: SiteConfig, snapshot: Snapshot | None
                     continue
                 frames[len(found)] = frame
             found.append((heard, place))
-    return Received(tuple(heard for heard, _ in found), tuple(place for _, place in found), frames, tuple(words))
+    origins = tuple(place for _, place in found)
+    return Received(
+        events=tuple(heard for heard, _ in found),
+        origins=origins,
+        as_bytes=tuple(isinstance(events[origin], RawBytes) for origin in origins),
+        sizes=sizes,
+        frames=frames,
+        words=tuple(words),
+    )
 
 
 def measured(events: Sequence[Event], site: SiteConfig, snapshot: Snapshot | None) -> Iterator[Measured]:
-    """The measurements in events, in order."""
+    """The measurements of the site's receivers in events, in order; without those whose frame began before the events."""
     for event, place, frame in _frames(events, site, snapshot):
-        if isinstance(event, ObservationsReceived):
+        if isinstance(event, ObservationsReceived) and event.row.receiver in site.receiver_names:
             yield Measured(event.row.receiver, place, event.row.receive_time_ns, None)
-        elif frame is not None and frame.kind == RXM_RAWX:
+        elif frame is not None and frame.kind == RXM_RAWX and frame.begin >= 0:
             (row,) = decode_rawx([frame.payload], frame.receiver)
             if row is not None:
                 yield Measured(row.receiver, place, row.receive_time_ns, frame)
-
-
-def first_measurement_ns(events: Sequence[Event], site: SiteConfig, snapshot: Snapshot | None) -> int | None:
-    """GPS time of the first measurements, by their receiver's clock; None where there are none."""
-    return next((found.receive_time_ns for found in measured(events, site, snapshot)), None)
 
 
 def _decoded(event: Event) -> Heard:

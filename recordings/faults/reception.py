@@ -1,12 +1,12 @@
 """Faults of reception: signals drowned by jamming, a receiver that freezes, a receiver that falls silent."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
 
 from integrity.config import SiteConfig
-from integrity.events import Event, ObservationsReceived, Tick
+from integrity.events import Event, Tick
 from integrity.gnss.gps_time import NS_PER_S
 from integrity.gnss.observations import ROW_ARRAYS, Floats, ObservationRow
 from recordings.faults.kinds import Jamming
@@ -63,32 +63,37 @@ def _weakened(row: ObservationRow, el_rad: Floats, drop_db: float, chance: np.ra
     )
 
 
-def frozen(truth: Truth, hit: Sequence[RecordedRow], rows: Rows) -> Iterator[tuple[int, ObservationRow]]:
-    """The rows of a receiver that repeats its last row before the fault, by place; none where there is no row before."""
+def last_before(truth: Truth, hit: Sequence[RecordedRow]) -> int | None:
+    """Place of the last row of a receiver before the rows that are hit; None where there is none."""
     receiver, start = hit[0].row.receiver, hit[0].place
-    before = [seen.place for seen in truth.rows if seen.row.receiver == receiver and seen.place < start]
-    for seen in hit if before else ():
-        yield seen.place, replace(rows[before[-1]], receive_time_ns=seen.row.receive_time_ns)
+    return max((seen.place for seen in truth.rows if seen.row.receiver == receiver and seen.place < start), default=None)
 
 
-def with_deadline_ticks(events: Sequence[Event], receivers: Sequence[str], site: SiteConfig) -> list[Event]:
+def frozen(hit: Sequence[RecordedRow], last: ObservationRow) -> Iterator[tuple[int, ObservationRow]]:
+    """The rows of a receiver that repeats one, with times that go on, by place."""
+    for seen in hit:
+        yield seen.place, replace(last, receive_time_ns=seen.row.receive_time_ns)
+
+
+def with_deadline_ticks(events: Sequence[Event], heard: Mapping[int, str], receivers: Sequence[str], site: SiteConfig) -> list[Event]:
     """The ticks that a station's shell sends when a receiver's silence passes its deadline, where the events have none at that time.
 
-    Ticks after each epoch alone would show the silence of a receiver up to an epoch late.
+    `heard`: with which events, by their place, measurements of which receiver are complete. Ticks after each epoch alone would show
+    the silence of a receiver up to an epoch late.
     """
     limit_ns = max(2 * site.epoch_interval_ns, 2 * NS_PER_S)
     out: list[Event] = []
     heard_ns = dict.fromkeys(receivers, events[0].mono_ns)
     clock: Tick | None = None
-    for event in events:
-        for deadline_ns in sorted({heard + limit_ns + 1 for heard in heard_ns.values()}):
+    for place, event in enumerate(events):
+        for deadline_ns in sorted({since_ns + limit_ns + 1 for since_ns in heard_ns.values()}):
             noticed = isinstance(event, Tick) and event.mono_ns == deadline_ns
             if event.mono_ns >= deadline_ns and clock is not None and clock.mono_ns < deadline_ns and not noticed:
                 clock = replace(clock, mono_ns=deadline_ns, utc_ns=clock.utc_ns + deadline_ns - clock.mono_ns)
                 out.append(clock)
         if isinstance(event, Tick):
             clock = event
-        if isinstance(event, ObservationsReceived) and event.row.receiver in heard_ns:
-            heard_ns[event.row.receiver] = event.mono_ns
+        if heard.get(place) in heard_ns:
+            heard_ns[heard[place]] = event.mono_ns
         out.append(event)
     return out

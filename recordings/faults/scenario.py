@@ -8,7 +8,7 @@ from pydantic import Field, ValidationError
 
 from integrity.config import SiteConfig
 from integrity.gnss.gps_time import NS_PER_S, format_utc, parse_utc
-from recordings.faults.kinds import KINDS, AntennaMoved, Effect, receivers_of
+from recordings.faults.kinds import KINDS, AntennaMoved, Effect, LinkEffect, receivers_of
 from recordings.site_schema import Section
 from recordings.toml_file import ConfigProblems, Parts, Problem, TomlDocument, did_you_mean, dotted, parse_toml
 
@@ -39,6 +39,11 @@ class Fault:
     def __str__(self) -> str:
         end = "the end of the recording" if self.end_ns is None else format_utc(self.end_ns)
         return f"{self.kind} from {format_utc(self.start_ns)} to {end}"
+
+
+def at_link(fault: Fault) -> bool:
+    """Whether a fault acts between a receiver and the station, on what the receiver has sent."""
+    return isinstance(fault.effect, LinkEffect)
 
 
 class _When(Section):

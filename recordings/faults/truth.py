@@ -9,7 +9,7 @@ import numpy as np
 
 from integrity.assembler import nominal_epoch_ns
 from integrity.config import SiteConfig
-from integrity.events import EphemerisReceived, Event, IonosphereReceived, ObservationsReceived
+from integrity.events import EphemerisReceived, Heard, IonosphereReceived, ObservationsReceived
 from integrity.gnss.atmosphere import Klobuchar
 from integrity.gnss.constants import SPEED_OF_LIGHT_MPS
 from integrity.gnss.ephemeris import EphemerisStore, SatelliteStates, satellite_states
@@ -28,6 +28,7 @@ class RecordedRow:
     """A row at its `place` in the events, with its nominal epoch, and the ephemerides `arrived` and the ionosphere known by then."""
 
     place: int
+    mono_ns: int
     epoch_ns: int
     row: ObservationRow
     arrived: int
@@ -55,16 +56,16 @@ class RangeChange(NamedTuple):
     rate_mps: Floats
 
 
-def truth_of(events: Sequence[Event], site: SiteConfig, snapshot: Snapshot | None) -> Truth:
+def truth_of(events: Sequence[Heard], site: SiteConfig, snapshot: Snapshot | None) -> Truth:
     """Go through the events once; `snapshot` holds what was known before them."""
     store = EphemerisStore(snapshot.ephemerides if snapshot else ())
     rows: list[RecordedRow] = []
     klobuchar = snapshot.assembler.klobuchar if snapshot else None
     for place, event in enumerate(events):
         match event:
-            case ObservationsReceived(_, row) if row.receiver in site.receiver_names:
+            case ObservationsReceived(mono_ns, row) if row.receiver in site.receiver_names:
                 epoch_ns = nominal_epoch_ns(row.receive_time_ns, site.epoch_interval_ns)
-                rows.append(RecordedRow(place, epoch_ns, row, len(store.ephemerides), klobuchar))
+                rows.append(RecordedRow(place, mono_ns, epoch_ns, row, len(store.ephemerides), klobuchar))
             case EphemerisReceived(_, ephemeris) if ephemeris.implausibility() is None:
                 store.add(ephemeris)
             case IonosphereReceived():

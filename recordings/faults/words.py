@@ -8,7 +8,7 @@ F/NAV) stay as they are: no decision comes from them.
 import math
 import struct
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from functools import lru_cache
+from functools import cache
 from typing import NamedTuple
 
 from integrity.errors import ConfigError
@@ -66,7 +66,7 @@ def _wrong_sets(fault: Fault, effect: WrongEphemeris, truth: Truth) -> Callable[
     """From an issue and a time to the set of that issue nearest to it, and the same displaced."""
     sets = [eph for eph in truth.store.ephemerides if eph.satellite == effect.satellite]
 
-    @lru_cache(maxsize=None)
+    @cache
     def displaced_of(true: Ephemeris) -> Ephemeris:
         return wrong_orbit(fault, effect, true, max(fault.start_ns, true.transmission_ns))
 

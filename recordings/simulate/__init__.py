@@ -1,1 +1,1 @@
-"""Measurements of a site that nobody made: satellites, errors and receivers from a seed, for demonstrations, tests and campaigns."""
+"""What nobody measured: satellites, errors and receivers from a seed, as measurements, as bytes and over TCP."""

@@ -136,13 +136,13 @@ def signal_errors(
     )
 
 
-def receiver_clocks(model: ErrorModel, seed: int, receivers: Sequence[str], step_s: float, n: int) -> ReceiverClocks:
-    """Clocks of receivers at n epochs: a straight line and a random walk."""
-    start = np.array([generator(seed, f"clock/{r}").uniform(-1.0, 1.0, 2) for r in receivers]) * (
+def receiver_clocks(model: ErrorModel, seed: int, clocks: Sequence[str], step_s: float, n: int) -> ReceiverClocks:
+    """Clocks by name at n epochs: a straight line and a random walk. A name that stands twice is one clock."""
+    start = np.array([generator(seed, f"clock/{c}").uniform(-1.0, 1.0, 2) for c in clocks]) * (
         model.clock_offset_s,
         model.clock_drift_sps,
     )
-    frequency = _white(seed, (f"clock noise/{r}" for r in receivers), n) * (model.clock_noise_m / SPEED_OF_LIGHT_MPS / math.sqrt(step_s))
+    frequency = _white(seed, (f"clock noise/{c}" for c in clocks), n) * (model.clock_noise_m / SPEED_OF_LIGHT_MPS / math.sqrt(step_s))
     walk_s = step_s * (np.cumsum(frequency, axis=0) - frequency[0])
     return ReceiverClocks(start[:, 0] + start[:, 1] * step_s * np.arange(n)[:, None] + walk_s, start[:, 1] + frequency)
 

@@ -21,7 +21,7 @@ import psutil
 from integrity.messages.key_expressions import HEALTH, site_key
 from integrity.messages.verification import HealthVerifier
 from recordings.keys import keys_of, read_trusted
-from recordings.link import Arrival, open_link
+from recordings.link import Arrival, dial_link
 from recordings.simulate.server import ReceiverServer
 from tests.e2e.field import REPOSITORY, SITE_ID, make_field, measured, running_station, until
 
@@ -33,7 +33,7 @@ MB = 1e6
 def listen(endpoint: str, trusted: Path, out: Path) -> None:
     """The listener's process: verify as messages come, write `gps_time_ns mono_ns state` of each, until stdin closes."""
     verifier = HealthVerifier(SITE_ID, keys_of(read_trusted(trusted), SITE_ID, trusted), 3000)
-    with out.open("w", buffering=1) as file, open_link([], [endpoint]) as link:
+    with out.open("w", buffering=1) as file, dial_link([endpoint], lambda: None) as link:
 
         def take(arrival: Arrival) -> None:
             received = verifier.health(arrival.key_expr, arrival.data, arrival.mono_ns)

@@ -19,7 +19,7 @@ from recordings.site_file import SiteFile, load_site
 from tests.unit.sites import A_ECEF_M, B_ECEF_M, C_ECEF_M
 
 REPOSITORY = Path(__file__).resolve().parents[2]
-START_NS = parse_utc("2026-03-02T03:00:00Z")
+START_NS = parse_utc("2026-03-02T03:10:00Z")
 SITE_ID = "field"
 
 

@@ -332,6 +332,7 @@ def test_a_directory_that_goes_while_it_records_is_noticed_and_used_again(
     (tmp_path / "rec").unlink()
     recorder.begin(SNAPSHOT, MONO_NS, GPS_NS)
     recorder.event(piece(1))
+    until(lambda: len(said) == 2)
     recorder.close()
     assert numbers(read_recording(tmp_path / "rec" / f"{FIRST}.mcap")) == [1]
     assert [" recording stops" in line for line in said] == [True, False]

@@ -208,7 +208,7 @@ def server() -> Iterator[ReceiverServer]:
 
 
 def test_bursts_are_sent_at_their_times(server: ReceiverServer) -> None:
-    """Ten a second for three seconds, and lateness does not add up. On a quiet machine 99 of 100 are less than 1 ms late; here it is busy."""
+    """Ten a second, and lateness does not add up. On a quiet machine 99 of 100 are less than 1 ms late; here it is busy."""
     events = as_bytes(simulate(a_site(0.1), START_NS, 3.0, 10.0, 1), antennas_of(SITE))
     clients = {receiver: Client(port) for receiver, (_, port) in server.addresses.items()}
     handed: list[tuple[str, int, int]] = []

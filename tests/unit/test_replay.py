@@ -24,7 +24,6 @@ from recordings.replay import (
     complaints,
     decide,
     decide_and_record,
-    decoded,
     first_epoch_ns,
     recorded_site,
     recover,
@@ -170,6 +169,7 @@ def test_an_epoch_that_was_not_decided_then_is_a_difference(fast: Recorded) -> N
 # Bytes of receivers
 
 UNIT = 7 * 29  # bytes: pieces end anywhere in frames
+BOOT = Boot(b"sixteen bytes...", utc_from_gps(0) + 12_345)
 
 
 def pieces(events: Sequence[Event]) -> list[Event]:
@@ -190,7 +190,7 @@ def raw(tmp_path_factory: pytest.TempPathFactory) -> Recorded:
     """What `fast` is made of, as UBX bytes; recorded with the clock and the name of a station."""
     events = in_order(pieces(as_bytes(EVENTS, antennas_of(SITE.config))))
     path = tmp_path_factory.mktemp("raw") / "raw.mcap"
-    outputs, _ = decide_and_record(path, SITE, events, {}, boot=Boot(b"sixteen bytes...", utc_from_gps(0) + 12_345))
+    outputs, _ = decide_and_record(path, SITE, events, {}, boot=BOOT)
     return Recorded(path, read_recording(path), outputs)
 
 
@@ -217,8 +217,13 @@ def test_a_recording_of_a_station_recorded_again_has_the_same_bytes(raw: Recorde
     assert (tmp_path / "again.mcap").read_bytes() == raw.path.read_bytes()
 
 
+def test_a_recording_of_a_station_has_the_times_that_the_station_gave_it(raw: Recorded) -> None:
+    assert raw.contents.entries[0].log_ns - started(raw.contents).mono_ns == BOOT.offset_ns
+    assert replayable(raw.contents).boot == BOOT
+
+
 def test_health_of_a_station_recorded_again_is_of_the_same_boot(raw: Recorded) -> None:
-    assert {e.message.boot_id for e in raw.contents.entries if isinstance(e.message, pb.Health)} == {b"sixteen bytes..."}
+    assert {e.message.boot_id for e in raw.contents.entries if isinstance(e.message, pb.Health)} == {BOOT.boot_id}
 
 
 def test_a_cut_recording_of_bytes_is_recovered_with_its_times(raw: Recorded, tmp_path: Path) -> None:
@@ -236,12 +241,6 @@ def test_bytes_in_large_blocks_are_decided_a_block_at_a_time(raw: Recorded) -> N
 
 def test_the_first_epoch_of_bytes_is_that_of_their_first_row(raw: Recorded) -> None:
     assert first_epoch_ns(replayable(raw.contents)) == START_NS
-
-
-def test_bytes_are_decided_as_the_rows_in_them(raw: Recorded) -> None:
-    todo = decoded(replayable(raw.contents))
-    assert not any(isinstance(e, RawBytes) for e in todo.events)
-    assert decisions_sha256(reports(decide(todo.site, todo.events, todo.snapshot)[0])) == decisions_sha256(reports(raw.outputs))
 
 
 # From a snapshot

@@ -213,7 +213,7 @@ def test_after_an_interruption_words_are_sent_of_half_a_minute() -> None:
 
 
 def test_a_wrong_orbit_is_in_the_words_until_the_right_one_is_sent_again() -> None:
-    """In every subframe that begins from then on. Subframe 1 begins at 42, 72, 102 s: the wrong set is whole at 78 s, the right one at 114 s."""
+    """In every subframe that begins from then on. Subframe 1 begins at 42, 72 and 102 s: the sets are whole at 78 and 114 s."""
     fault = 'kind = "wrong_ephemeris"\nsatellite = "G07"\nstart_s = 43\nduration_s = 40\noffset_m = 300.0\ndirection = "along"'
     events = with_fault(fault)
     sent, read = (
