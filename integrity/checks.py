@@ -46,9 +46,9 @@ def check(
     s = sight.satellites
     solution = positions(
         sight.block,
-        sight.states,
+        sight.sky.states,
         points,
-        sight.klobuchar,
+        sight.sky.klobuchar,
         sight.at_points,
         s.sigma_m[:, None, :],
         used[:, None, :],

@@ -9,26 +9,71 @@ from integrity.assembler import AlignedEpoch
 from integrity.config import SiteConfig
 from integrity.exclusion import SatelliteInputs
 from integrity.gnss.atmosphere import Klobuchar
-from integrity.gnss.ephemeris import Ephemeris, EphemerisStore, SatelliteStates, accuracy_m, satellite_states, usable
-from integrity.gnss.observations import Bools, Ints, ObservationBlock, build_block
-from integrity.gnss.positioning import Points, Prefit, prefit, range_sigma_m, state_time_ns
+from integrity.gnss.ephemeris import EphemerisStore, SatelliteStates, accuracy_m, satellite_states, usable
+from integrity.gnss.observations import Bools, Floats, Ints, ObservationBlock, build_block
+from integrity.gnss.positioning import Expected, Points, Prefit, compared, expected, range_sigma_m, state_time_ns
 from integrity.gnss.signals import SYSTEMS, system_index
 from integrity.limits import Limits
 from integrity.monitors.residuals import without_lone_satellites
 
 
 @dataclass(frozen=True, eq=False)
+class Sky:
+    """What is known of a block's satellites before anything is measured: `healthy` (E, S), sigmas of ranges (E, S), which constellation."""
+
+    satellites: tuple[str, ...]  # of each signal, (S,)
+    arrived: tuple[int, ...]  # ephemerides known at each epoch, (E,)
+    klobuchar: Klobuchar | None
+    states: SatelliteStates
+    expected: Expected
+    healthy: Bools
+    sigma_m: Floats
+    sigma_differential_m: Floats
+    system_of: Ints
+
+    def is_of(self, satellites: tuple[str, ...], epoch_ns: Ints, arrived: tuple[int, ...], klobuchar: Klobuchar | None) -> bool:
+        """Whether it is the sky of these epochs."""
+        same = self.satellites == satellites and self.arrived == arrived and self.klobuchar == klobuchar
+        return same and np.array_equal(self.states.t_ns, state_time_ns(epoch_ns))
+
+
+@dataclass(frozen=True, eq=False)
 class Sight:
-    """A block with its satellites: `healthy` (E, S); `ephemeris_index` (E, S) into `ephemerides`; `satellites` feed walk A."""
+    """A block under its sky; `satellites` feed walk A."""
 
     block: ObservationBlock
-    klobuchar: Klobuchar | None
-    ephemerides: Sequence[Ephemeris]
-    ephemeris_index: Ints
-    states: SatelliteStates
+    sky: Sky
     at_points: Prefit
-    healthy: Bools
     satellites: SatelliteInputs
+
+
+def sky_of(
+    satellites: tuple[str, ...],
+    epoch_ns: Ints,
+    arrived: tuple[int, ...],
+    klobuchar: Klobuchar | None,
+    store: EphemerisStore,
+    points: Points,
+    site: SiteConfig,
+) -> Sky:
+    """The sky at epochs, as the surveyed points see it."""
+    ephemerides = store.ephemerides
+    index = store.choose(satellites, epoch_ns, np.array(arrived))
+    states = satellite_states(ephemerides, index, state_time_ns(epoch_ns))
+    seen = expected(states, epoch_ns, points, klobuchar)
+    promises = site.integrity
+    el_rad = seen.el_rad.mean(axis=1)
+    return Sky(
+        satellites,
+        arrived,
+        klobuchar,
+        states,
+        seen,
+        healthy=usable(ephemerides, index),
+        sigma_m=range_sigma_m(el_rad, promises.sigma_range_m, promises.sigma_range_low_m, accuracy_m(ephemerides, index)),
+        sigma_differential_m=range_sigma_m(el_rad, promises.sigma_range_differential_m, promises.sigma_range_differential_low_m),
+        system_of=np.array([system_index(s) for s in satellites], dtype=np.int64),
+    )
 
 
 def observe(
@@ -38,27 +83,25 @@ def observe(
     site: SiteConfig,
     limits: Limits,
     remembered_signals: Sequence[str],
+    ahead: Sky | None,
 ) -> Sight:
-    """Block, satellite states, residuals at the surveyed points, sigmas, screening. All epochs share one set of ionospheric terms."""
-    block = build_block(site.receiver_names, [x.epoch_ns for x in epochs], [x.rows for x in epochs], remembered_signals)
-    ephemerides = store.ephemerides
-    index = store.choose(block.satellites, block.epoch_ns, np.array([x.arrived for x in epochs]))
-    states = satellite_states(ephemerides, index, state_time_ns(block.epoch_ns))
-    at_points = prefit(block, states, points, epochs[0].klobuchar)
-    healthy = usable(ephemerides, index)
+    """Block, sky, residuals at the surveyed points, screening. All epochs share one set of ionospheric terms.
 
-    system_of = np.array([system_index(s) for s in block.satellites], dtype=np.int64)
-    promises = site.integrity
-    el_rad = at_points.el_rad.mean(axis=1)
+    `ahead` is a sky that was computed before: it is used if it is the one of these epochs.
+    """
+    block = build_block(site.receiver_names, [x.epoch_ns for x in epochs], [x.rows for x in epochs], remembered_signals)
+    where = (block.satellites, block.epoch_ns, tuple(x.arrived for x in epochs), epochs[0].klobuchar)
+    sky = ahead if ahead is not None and ahead.is_of(*where) else sky_of(*where, store, points, site)
+    at_points = compared(block, sky.expected)
     satellites = SatelliteInputs(
         prefit_m=at_points.residual_m,
-        sigma_m=range_sigma_m(el_rad, promises.sigma_range_m, promises.sigma_range_low_m, accuracy_m(ephemerides, index)),
-        sigma_differential_m=range_sigma_m(el_rad, promises.sigma_range_differential_m, promises.sigma_range_differential_low_m),
-        screened=screen(block, at_points, healthy, system_of, limits),
-        system_of=system_of,
+        sigma_m=sky.sigma_m,
+        sigma_differential_m=sky.sigma_differential_m,
+        screened=screen(block, at_points, sky.healthy, sky.system_of, limits),
+        system_of=sky.system_of,
         n_systems=len(SYSTEMS),
     )
-    return Sight(block, epochs[0].klobuchar, ephemerides, index, states, at_points, healthy, satellites)
+    return Sight(block, sky, at_points, satellites)
 
 
 def screen(block: ObservationBlock, at_points: Prefit, healthy: Bools, system_of: Ints, limits: Limits) -> Bools:

@@ -32,7 +32,7 @@ from integrity.monitors.triangles import suspects, swapped_receivers
 from integrity.naming import LastClean, named_receiver
 from integrity.outputs import Alert, EpochReport, HealthReport, Output
 from integrity.reception import Reception, ReceptionMemory
-from integrity.sight import Sight, observe
+from integrity.sight import Sight, Sky, observe, sky_of
 from integrity.states import Cause, State
 from integrity.stream_memory import StreamMemory, StreamStatistics, advance
 from integrity.triangle import reference_triangle
@@ -89,6 +89,8 @@ class StationMonitor:
         self._health = start.health
         self._sequence = start.sequence
         self._streams = start.streams
+        self._sky: Sky | None = None  # of the last block
+        self._ahead: Sky | None = None
 
     def feed(self, events: Iterable[Event]) -> list[Output]:
         """Decide what the events complete."""
@@ -106,6 +108,14 @@ class StationMonitor:
             else:
                 run.append(item)
         return outputs + self._block(run) if run else outputs
+
+    def look_ahead(self) -> None:
+        """Compute the sky of the epoch after the last one, while there is time: it changes no decision, only when it is there."""
+        last_ns = self._assembler.last_epoch_ns
+        if self._sky is not None and last_ns is not None:
+            epoch_ns = np.array([last_ns + self.site.epoch_interval_ns])
+            arrived = (len(self._store),)
+            self._ahead = sky_of(self._sky.satellites, epoch_ns, arrived, self._sky.klobuchar, self._store, self._points, self.site)
 
     @property
     def next_deadline_ns(self) -> int | None:
@@ -132,8 +142,9 @@ class StationMonitor:
 
     def _block(self, epochs: Sequence[AlignedEpoch]) -> list[Output]:
         remembered = self._streams.signals_since(epochs[0].epoch_ns - self.limits.remember_satellite_ns)
-        sight = observe(epochs, self._store, self._points, self.site, self.limits, remembered)
-        self._streams, streams = advance(self._streams, sight.block, sight.at_points.el_rad, sight.healthy, self.limits)
+        sight = observe(epochs, self._store, self._points, self.site, self.limits, remembered, self._ahead)
+        self._sky = sight.sky
+        self._streams, streams = advance(self._streams, sight.block, sight.at_points.el_rad, sight.sky.healthy, self.limits)
         screened = sight.satellites.screened
         on_screened = sight.satellites.statistics(screened)
         walked = self._walk(sight, on_screened)

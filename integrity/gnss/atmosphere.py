@@ -52,6 +52,13 @@ def klobuchar_delay_m(tow_s: Floats, lat_rad: Floats, lon_rad: Floats, az_rad: F
     return delay_m
 
 
+def klobuchar_slope(el_rad: Floats) -> Floats:
+    """Relative change of the delay with elevation, 1/rad, at one pierce point: that of the obliquity factor F."""
+    low_sc = 0.53 - el_rad / np.pi
+    slope: Floats = -48.0 / np.pi * low_sc * low_sc / (1.0 + 16.0 * low_sc * low_sc * low_sc)
+    return slope
+
+
 def saastamoinen_delay_m(lat_rad: Floats, height_m: Floats, el_rad: Floats, relative_humidity: float = 0.7) -> Floats:
     """Tropospheric delay in metres, positive, to be subtracted from a pseudorange; shape of el_rad."""
     delay_m: Floats = saastamoinen_zenith_m(lat_rad, height_m, relative_humidity) * troposphere_mapping(el_rad)
@@ -81,3 +88,10 @@ def troposphere_mapping(el_rad: Floats) -> Floats:
     """
     mapping: Floats = 1.001 / np.sqrt(0.002001 + sine_cosine(el_rad)[0] ** 2)
     return mapping
+
+
+def troposphere_slope(el_rad: Floats) -> Floats:
+    """Relative change of the mapping with elevation, 1/rad."""
+    sin_el, cos_el = sine_cosine(el_rad)
+    slope: Floats = -sin_el * cos_el / (0.002001 + sin_el * sin_el)
+    return slope

@@ -1,7 +1,8 @@
 """Positions of all receivers and epochs of a block at once, linearised at known points.
 
-The path: `prefit` turns pseudoranges into residuals at given points; `solve` turns residuals into displacements, in the local
-axes of each receiver, with a clock per constellation; `positions` does both and linearises again where a receiver is far away.
+The path: `expected` says what given points would see, `compared` what was measured beyond that (`prefit` does both); `solve` turns such
+residuals into displacements, in the local axes of each receiver, with a clock per constellation; `positions` does all of it and
+linearises again where a receiver is far away.
 
 Each clock is eliminated by subtracting its constellation's weighted mean, which leaves 3 x 3 normal equations that are inverted
 in closed form: no linear-algebra library, so that every machine computes the same.
@@ -14,7 +15,14 @@ from typing import NamedTuple
 import numpy as np
 
 from integrity.gnss.angles import sine_cosine
-from integrity.gnss.atmosphere import Klobuchar, klobuchar_delay_m, saastamoinen_zenith_m, troposphere_mapping
+from integrity.gnss.atmosphere import (
+    Klobuchar,
+    klobuchar_delay_m,
+    klobuchar_slope,
+    saastamoinen_zenith_m,
+    troposphere_mapping,
+    troposphere_slope,
+)
 from integrity.gnss.constants import EARTH_ROTATION_RADPS, SPEED_OF_LIGHT_MPS
 from integrity.gnss.ephemeris import SatelliteStates
 from integrity.gnss.frames import enu_axes, geodetic_from_ecef
@@ -54,6 +62,21 @@ class Points(NamedTuple):
     height_m: Floats
     zenith_delay_m: Floats
     enu: Floats
+
+
+class Expected(NamedTuple):
+    """What points would see at the times `t_ns` (E,), before anything is measured: pseudorange but for the receiver's clock, with the
+    delays of the atmosphere, its rate and half its acceleration, (E, R, S); satellite clocks `clock_s` (E, 1, S); `los_enu` (3, E, R, S):
+    unit vectors from receiver to satellite; `el_rad`, `az_rad` (E, R, S)."""
+
+    t_ns: Ints
+    clock_s: Floats
+    range_m: Floats
+    rate_mps: Floats
+    half_acc_mps2: Floats
+    los_enu: Floats
+    el_rad: Floats
+    az_rad: Floats
 
 
 @dataclass(frozen=True, eq=False)
@@ -108,49 +131,68 @@ def state_time_ns(epoch_ns: Ints) -> Ints:
 
 
 def prefit(block: ObservationBlock, states: SatelliteStates, points: Points, klobuchar: Klobuchar | None) -> Prefit:
-    """Residuals of a block at the points; `states` at `state_time_ns` of the block's epochs.
+    """Residuals of a block at the points; `states` at `state_time_ns` of the block's epochs."""
+    return compared(block, expected(states, block.epoch_ns, points, klobuchar))
 
-    Satellites are moved from there to each receiver's own time of transmission by position, velocity and acceleration:
-    within 0.1 mm for a receiver whose time tag is up to 0.5 s from the epoch. Without Klobuchar terms the ionosphere is left in.
+
+def compared(block: ObservationBlock, sight: Expected) -> Prefit:
+    """What was measured, less what was expected at each receiver's own time of transmission."""
+    t_rx_s = ((block.receive_time_ns - sight.t_ns[:, None]) / NS_PER_S)[:, :, None]
+    rho = block.pseudorange_m
+    with np.errstate(invalid="ignore"):  # a range that is infinite
+        dt = t_rx_s - rho / SPEED_OF_LIGHT_MPS - sight.clock_s
+        residual_m = rho - sight.range_m - dt * (sight.rate_mps + dt * sight.half_acc_mps2)
+    return Prefit(residual_m, sight.los_enu, sight.el_rad, sight.az_rad)
+
+
+def expected(states: SatelliteStates, epoch_ns: Ints, points: Points, klobuchar: Klobuchar | None) -> Expected:
+    """Pseudoranges at the points but for the receivers' clocks, as they change around the time of the states (`state_time_ns`).
+
+    To the second order in the time from there to transmission, 12 ms at most for a receiver whose time tag is the epoch's: within
+    0.1 mm for one whose tag is up to 0.5 s off. Without Klobuchar terms the ionosphere is left out.
     """
-    tow_s = (block.epoch_ns % WEEK_NS / NS_PER_S)[:, None, None]
-    t_rx_s = ((block.receive_time_ns - states.t_ns[:, None]) / NS_PER_S)[:, :, None]
+    tow_s = (epoch_ns % WEEK_NS / NS_PER_S)[:, None, None]
     satellites = np.concatenate(
         (states.pos_ecef_m, states.vel_ecef_mps, states.acc_ecef_mps2, states.clock_s[None], states.clock_drift_sps[None])
     )[:, :, None, :]
-    out = np.empty((6, *block.pseudorange_m.shape))
-    n_epochs, n_receivers, n_signals = block.pseudorange_m.shape
+    n_epochs, n_signals = states.clock_s.shape
+    n_receivers = points.pos_ecef_m.shape[1]
+    out = np.empty((8, n_epochs, n_receivers, n_signals))
     for few in slices(n_epochs, n_receivers * n_signals):
         there = points if len(points.pos_ecef_m) == 1 else Points(*(p[few] for p in points))
-        out[:, few] = _residuals(block.pseudorange_m[few], t_rx_s[few], tow_s[few], satellites[:, few], there, klobuchar)
-    return Prefit(residual_m=out[0], los_enu=out[1:4], el_rad=out[4], az_rad=out[5])
+        out[:, few] = _geometry(tow_s[few], satellites[:, few], there, klobuchar)
+    return Expected(states.t_ns, states.clock_s[:, None, :], out[0], out[1], out[2], out[3:6], out[6], out[7])
 
 
-def _residuals(rho: Floats, t_rx_s: Floats, tow_s: Floats, satellites: Floats, points: Points, klobuchar: Klobuchar | None) -> list[Floats]:
-    """Residual, line of sight (east, north, up), elevation, azimuth; each (E, R, S)."""
-    x_0, y_0, z_0, vx, vy, vz, ax, ay, az, clock_s, clock_drift_sps = satellites
-    dt = t_rx_s - rho / SPEED_OF_LIGHT_MPS - clock_s
-    dt = np.where(np.isfinite(dt), dt, 0.0)
-    half_dt = 0.5 * dt
-    x, y, z = x_0 + dt * (vx + half_dt * ax), y_0 + dt * (vy + half_dt * ay), z_0 + dt * (vz + half_dt * az)
-    dts_s = clock_s + clock_drift_sps * dt
-
+def _geometry(tow_s: Floats, satellites: Floats, points: Points, klobuchar: Klobuchar | None) -> list[Floats]:
+    """Range with its rate and half its acceleration, line of sight (east, north, up), elevation, azimuth; each (E, R, S)."""
+    x, y, z, vx, vy, vz, ax, ay, az, clock_s, clock_drift_sps = satellites
     x_r, y_r, z_r = (points.pos_ecef_m[..., i, None] for i in range(3))
     dx, dy, dz = x - x_r, y - y_r, z - z_r
     distance_m = np.sqrt(dx * dx + dy * dy + dz * dz)
-    sagnac_m = (EARTH_ROTATION_RADPS / SPEED_OF_LIGHT_MPS) * (x * y_r - y * x_r)
+    distance_mps = (dx * vx + dy * vy + dz * vz) / distance_m
+    across2 = vx * vx + vy * vy + vz * vz + dx * ax + dy * ay + dz * az  # v^2 + d a
+    half_acc_mps2 = 0.5 * (across2 - distance_mps * distance_mps) / distance_m
+    sagnac = EARTH_ROTATION_RADPS / SPEED_OF_LIGHT_MPS
 
     axes = points.enu[..., None]
     east, north, up = ((axes[:, :, i, 0] * dx + axes[:, :, i, 1] * dy + axes[:, :, i, 2] * dz) / distance_m for i in range(3))
-    el_rad = np.arcsin(np.clip(up, -1.0, 1.0))
+    up_mps = axes[:, :, 2, 0] * vx + axes[:, :, 2, 1] * vy + axes[:, :, 2, 2] * vz
+    level = np.hypot(east, north)
+    el_rad = np.arctan2(up, level)
     az_rad = np.arctan2(east, north)
+    el_rate_radps = (up_mps - up * distance_mps) / (distance_m * np.maximum(level, 1e-6))
 
     el_air = np.maximum(el_rad, LOWEST_MODELLED_RAD)
     delay_m = points.zenith_delay_m[..., None] * troposphere_mapping(el_air)
+    delay_mprad = delay_m * troposphere_slope(el_air)
     if klobuchar is not None:
-        delay_m = delay_m + klobuchar_delay_m(tow_s, points.lat_rad[..., None], points.lon_rad[..., None], az_rad, el_air, klobuchar)
-    modelled_m = distance_m + sagnac_m - SPEED_OF_LIGHT_MPS * dts_s + delay_m
-    return [rho - modelled_m, east, north, up, el_rad, az_rad]
+        ionosphere_m = klobuchar_delay_m(tow_s, points.lat_rad[..., None], points.lon_rad[..., None], az_rad, el_air, klobuchar)
+        delay_m = delay_m + ionosphere_m
+        delay_mprad = delay_mprad + ionosphere_m * klobuchar_slope(el_air)
+    range_m = distance_m + sagnac * (x * y_r - y * x_r) - SPEED_OF_LIGHT_MPS * clock_s + delay_m
+    rate_mps = distance_mps + sagnac * (vx * y_r - vy * x_r) - SPEED_OF_LIGHT_MPS * clock_drift_sps + delay_mprad * el_rate_radps
+    return [range_m, rate_mps, half_acc_mps2, east, north, up, el_rad, az_rad]
 
 
 def range_sigma_m(el_rad: Floats, a_m: float, b_m: float, accuracy_m: Floats | float = URA_NOMINAL_M) -> Floats:

@@ -67,8 +67,7 @@ def wrong_navigation(
     edits = NavigationEdits()
     true = serving(fault, effect, truth, hit[0])
     sent_ns = max(fault.start_ns, true.transmission_ns + 1)
-    new_issue = (true.issue + 1) % ISSUES[true.satellite[0]]
-    entering = replace(wrong_orbit(fault, effect, true, sent_ns), issue=new_issue, transmission_ns=sent_ns)
+    entering = replace(wrong_orbit(fault, effect, true, sent_ns), transmission_ns=sent_ns)
     edits.before[hit[0].place] = [EphemerisReceived(hit[0].mono_ns, entering)]
     newest = true
     for place, event in told.items():
@@ -92,8 +91,12 @@ def serving(fault: Fault, effect: WrongEphemeris, truth: Truth, first: RecordedR
 
 
 def wrong_orbit(fault: Fault, effect: WrongEphemeris, true: Ephemeris, gps_ns: int) -> Ephemeris:
-    """The ephemeris displaced as the fault says at a GPS time; ConfigError where that is no orbit."""
-    wrong = displaced(true, effect.offset_m, effect.direction, gps_ns)
+    """The ephemeris displaced as the fault says at a GPS time; ConfigError where that is no orbit.
+
+    Its issue is half of all issues away from the true one, and so from those before and after it: no receiver joins pages of both.
+    """
+    issues = ISSUES[true.satellite[0]]
+    wrong = replace(displaced(true, effect.offset_m, effect.direction, gps_ns), issue=(true.issue + issues // 2) % issues)
     why = wrong.implausibility()
     if why is not None:
         raise ConfigError(f"{fault}: {effect.satellite} displaced by {effect.offset_m:g} m is no orbit that a station accepts: {why}")

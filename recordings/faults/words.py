@@ -1,8 +1,7 @@
 """Navigation words of a satellite with a displaced orbit in them: subframes 1 to 3 of GPS LNAV, words 1 to 4 of Galileo I/NAV.
 
-The orbit's parameters and the issue change, and parity or CRC with them; everything else in a message stays, its time above all. Every
-set gets the issue after its own, so that no receiver joins true pages to wrong ones. Other messages that may carry the orbit (CNAV,
-F/NAV) stay as they are: no decision comes from them.
+The orbit's parameters and the issue change, and parity or CRC with them; everything else in a message stays, its time above all.
+Other messages that may carry the orbit (CNAV, F/NAV) stay as they are: no decision comes from them.
 """
 
 import math
@@ -101,8 +100,7 @@ def _begun_ns(said: NavigationWords, page: _Message, near_ns: int) -> int:
 
 def _wrong_page(fault: Fault, said: NavigationWords, page: _Message, true: Ephemeris, wrong: Ephemeris) -> bytes:
     """The words of a page of a true set as those of the wrong one, as they stand in RXM-SFRBX."""
-    issues = ISSUES[said.satellite[0]]
-    values: dict[str, float] = {page.issue_field: page.issue - page.issue % issues + (page.issue + 1) % issues}
+    values: dict[str, float] = {page.issue_field: page.issue - page.issue % ISSUES[said.satellite[0]] + wrong.issue}
     for name in ORBIT:
         value = getattr(wrong, name)
         if name in page.layout.fields and value != getattr(true, name):

@@ -8,6 +8,7 @@ from collections.abc import Mapping
 from typing import NamedTuple
 
 SEMICIRCLE_RAD = math.pi
+HEARD_AT_ONCE = 512  # messages of all satellites in view: every receiver of a site hears the same ones
 
 
 class Part(NamedTuple):
@@ -43,6 +44,13 @@ class Layout(NamedTuple):
         for part in field.parts:
             value = value << part.bits | message >> self.bits - part.first - part.bits & (1 << part.bits) - 1
         return value - (1 << field.bits) if field.signed and value >> field.bits - 1 else value
+
+    def mask(self, *names: str) -> int:
+        """Ones where these fields stand."""
+        ones = 0
+        for part in (part for name in names for part in self.fields[name].parts):
+            ones |= (1 << part.bits) - 1 << self.bits - part.first - part.bits
+        return ones
 
     def quantities(self, message: int) -> dict[str, float]:
         """Every field that has a unit, in the units of `Ephemeris`."""

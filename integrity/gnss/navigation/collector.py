@@ -22,6 +22,8 @@ from integrity.gnss.ubx.sfrbx import NavigationWords
 
 PAGES_TOGETHER_NS = 600 * NS_PER_S  # each page comes every 30 s; issues repeat after 6 h at the earliest: IS-GPS-200, 20.3.4.4
 
+A_MOMENT_NS = 60 * NS_PER_S
+
 PAGES_OF_SET = {"G": (1, 2, 3), "E": (1, 2, 3, 4, 5)}
 PAGE_WITH_TIME = {"G": 1, "E": 5}  # the one whose beginning is the time of transmission
 MESSAGE_BYTES = {"G": 30, "E": 16}
@@ -88,7 +90,10 @@ class NavigationCollector:
         number = _number(system, message)
         if number not in PAGES_OF_SET[system]:
             return []
-        self._keep(words.satellite, number, _Kept(message, near_ns))
+        before, now = self._kept.get(words.satellite, {}).get(number), _Kept(message, near_ns)
+        self._keep(words.satellite, number, now)
+        if before is not None and _repeats(system, number, before, now):
+            return []
         ephemeris = self._news_of(words.satellite)
         return [ephemeris] if ephemeris else []
 
@@ -119,6 +124,14 @@ class NavigationCollector:
             return None
         self._told[satellite] = ephemeris
         return ephemeris
+
+
+def _repeats(system: str, number: int, before: _Kept, now: _Kept) -> bool:
+    """Whether a page says what it said a moment ago, but for the time: then the set is as it was, and was told if there was one."""
+    if before.arrived_ns is None or now.arrived_ns is None or not 0 <= now.arrived_ns - before.arrived_ns <= A_MOMENT_NS:
+        return False
+    time = lnav.HEAD.mask("next_tow_count") if system == "G" else inav.WORD_5.mask("week", "tow_s") if number == 5 else 0
+    return (before.message ^ now.message) & ~time == 0
 
 
 def _number(system: str, message: int) -> int:

@@ -4,11 +4,11 @@ RXM-SFRBX has a page in eight 32-bit numbers: the even part in the first four, t
 Source: Galileo OS SIS ICD 2.1, 4.3.2 (pages and CRC), 4.3.4 and 4.3.5 (words), 5.1 (parameters).
 """
 
-from collections.abc import Sequence
+from functools import lru_cache
 
 from integrity.gnss.ephemeris import Ephemeris
 from integrity.gnss.gps_time import NS_PER_S, WEEK_NS
-from integrity.gnss.navigation.bits import SEMICIRCLE_RAD, Field, Layout, Part, in_order, nearest_ns, plain, signed
+from integrity.gnss.navigation.bits import HEARD_AT_ONCE, SEMICIRCLE_RAD, Field, Layout, Part, in_order, nearest_ns, plain, signed
 
 FIRST_WEEK = 1024  # GPS week in which Galileo's weeks begin to count: 5.1.2
 WEEKS_NS = 4096 * WEEK_NS  # the week has twelve bits
@@ -144,7 +144,8 @@ def page_crc(page: int) -> int:
     return crc24q((even << ODD_PROTECTED | odd).to_bytes(25, "big"))
 
 
-def word_of(words: Sequence[int]) -> int | None:
+@lru_cache(maxsize=HEARD_AT_ONCE)
+def word_of(words: tuple[int, ...]) -> int | None:
     """The 128 bits of an I/NAV word from eight words of RXM-SFRBX; None for an alert page and where parts or CRC are not right.
 
     Tails are not looked at: they only end the convolutional code, and a receiver may deliver a sound page with a damaged one.

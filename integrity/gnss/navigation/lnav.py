@@ -5,12 +5,12 @@ where D30* is one, so that the data bits are right as they stand. Measured on re
 Source: IS-GPS-200, 20.3.3 (layout: figure 20-1; scales: tables 20-I, 20-III and 20-X) and 20.3.5.2 (parity).
 """
 
-from collections.abc import Sequence
+from functools import lru_cache
 
 from integrity.gnss.atmosphere import Klobuchar
 from integrity.gnss.ephemeris import Ephemeris
 from integrity.gnss.gps_time import NS_PER_S, WEEK_NS
-from integrity.gnss.navigation.bits import SEMICIRCLE_RAD, Field, Layout, Part, nearest_ns
+from integrity.gnss.navigation.bits import HEARD_AT_ONCE, SEMICIRCLE_RAD, Field, Layout, Part, nearest_ns
 
 SUBFRAME_S = 6
 SUBFRAMES_A_WEEK = 100_800
@@ -126,7 +126,8 @@ def parity(data: int, d29: int, d30: int) -> int:
     return sums
 
 
-def subframe_of(words: Sequence[int]) -> int | None:
+@lru_cache(maxsize=HEARD_AT_ONCE)
+def subframe_of(words: tuple[int, ...]) -> int | None:
     """The 240 data bits of a subframe from ten words of RXM-SFRBX; None where parity, preamble, identity or time cannot be right."""
     if len(words) != WORDS:
         return None

@@ -24,8 +24,8 @@ def page_of(words: tuple[int, ...]) -> int:
     return sum(word << 224 - 32 * k for k, word in enumerate(words))
 
 
-def words_of(page: int) -> list[int]:
-    return [page >> shift & 0xFFFFFFFF for shift in range(224, -1, -32)]
+def words_of(page: int) -> tuple[int, ...]:
+    return tuple(page >> shift & 0xFFFFFFFF for shift in range(224, -1, -32))
 
 
 def sent_words(eph: Ephemeris = EPH, at_ns: int = START_NS) -> list[int]:

@@ -56,7 +56,7 @@ def test_one_word_the_wrong_way_up_is_noticed(number: int) -> None:
 
 def test_the_two_bits_before_a_word_are_not_looked_at() -> None:
     words = lnav_words(EPH, IONOSPHERE, 1, START_NS)
-    assert lnav.subframe_of([word & 0x3FFFFFFF for word in words]) == lnav.subframe_of(words)
+    assert lnav.subframe_of(tuple(word & 0x3FFFFFFF for word in words)) == lnav.subframe_of(words)
 
 
 @pytest.mark.parametrize("count", [0, 9, 11])
