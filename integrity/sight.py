@@ -9,7 +9,7 @@ from integrity.assembler import AlignedEpoch
 from integrity.config import SiteConfig
 from integrity.exclusion import SatelliteInputs
 from integrity.gnss.atmosphere import Klobuchar
-from integrity.gnss.ephemeris import EphemerisStore, SatelliteStates, accuracy_m, satellite_states, usable
+from integrity.gnss.ephemeris import Ephemerides, EphemerisStore, SatelliteStates, accuracy_m, satellite_states, usable
 from integrity.gnss.observations import Bools, Floats, Ints, ObservationBlock, build_block
 from integrity.gnss.positioning import Expected, Points, Prefit, compared, expected, range_sigma_m, state_time_ns
 from integrity.gnss.signals import SYSTEMS, system_index
@@ -21,6 +21,7 @@ from integrity.monitors.residuals import without_lone_satellites
 class Sky:
     """What is known of a block's satellites before anything is measured: `healthy` (E, S), sigmas of ranges (E, S), which constellation."""
 
+    ephemerides: Ephemerides
     satellites: tuple[str, ...]  # of each signal, (S,)
     arrived: tuple[int, ...]  # ephemerides known at each epoch, (E,)
     klobuchar: Klobuchar | None
@@ -31,10 +32,12 @@ class Sky:
     sigma_differential_m: Floats
     system_of: Ints
 
-    def is_of(self, satellites: tuple[str, ...], epoch_ns: Ints, arrived: tuple[int, ...], klobuchar: Klobuchar | None) -> bool:
+    def is_of(
+        self, satellites: tuple[str, ...], epoch_ns: Ints, arrived: tuple[int, ...], klobuchar: Klobuchar | None, store: EphemerisStore
+    ) -> bool:
         """Whether it is the sky of these epochs."""
         same = self.satellites == satellites and self.arrived == arrived and self.klobuchar == klobuchar
-        return same and np.array_equal(self.states.t_ns, state_time_ns(epoch_ns))
+        return same and self.ephemerides is store.ephemerides and np.array_equal(self.states.t_ns, state_time_ns(epoch_ns))
 
 
 @dataclass(frozen=True, eq=False)
@@ -64,6 +67,7 @@ def sky_of(
     promises = site.integrity
     el_rad = seen.el_rad.mean(axis=1)
     return Sky(
+        ephemerides,
         satellites,
         arrived,
         klobuchar,
@@ -90,8 +94,8 @@ def observe(
     `ahead` is a sky that was computed before: it is used if it is the one of these epochs.
     """
     block = build_block(site.receiver_names, [x.epoch_ns for x in epochs], [x.rows for x in epochs], remembered_signals)
-    where = (block.satellites, block.epoch_ns, tuple(x.arrived for x in epochs), epochs[0].klobuchar)
-    sky = ahead if ahead is not None and ahead.is_of(*where) else sky_of(*where, store, points, site)
+    where = (block.satellites, block.epoch_ns, tuple(x.arrived for x in epochs), epochs[0].klobuchar, store)
+    sky = ahead if ahead is not None and ahead.is_of(*where) else sky_of(*where, points, site)
     at_points = compared(block, sky.expected)
     satellites = SatelliteInputs(
         prefit_m=at_points.residual_m,

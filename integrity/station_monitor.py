@@ -63,6 +63,7 @@ class _Decided:
     """
 
     sight: Sight
+    memory: StreamMemory
     streams: StreamStatistics
     walked: Walk
     full: BlockChecks
@@ -89,7 +90,7 @@ class StationMonitor:
         self._health = start.health
         self._sequence = start.sequence
         self._streams = start.streams
-        self._sky: Sky | None = None  # of the last block
+        self._last: tuple[AlignedEpoch, Sky] | None = None  # epoch decided alone
         self._ahead: Sky | None = None
 
     def feed(self, events: Iterable[Event]) -> list[Output]:
@@ -110,12 +111,15 @@ class StationMonitor:
         return outputs + self._block(run) if run else outputs
 
     def look_ahead(self) -> None:
-        """Compute the sky of the epoch after the last one, while there is time: it changes no decision, only when it is there."""
-        last_ns = self._assembler.last_epoch_ns
-        if self._sky is not None and last_ns is not None:
-            epoch_ns = np.array([last_ns + self.site.epoch_interval_ns])
-            arrived = (len(self._store),)
-            self._ahead = sky_of(self._sky.satellites, epoch_ns, arrived, self._sky.klobuchar, self._store, self._points, self.site)
+        """While there is time: compute the sky of the next epoch, and decide the last one once more for nothing.
+
+        It changes no decision, only how soon the next one is there: a processor that has just done the same does it in half the time.
+        """
+        if self._last is not None:
+            epoch, sky = self._last
+            next_ns = np.array([epoch.epoch_ns + self.site.epoch_interval_ns])
+            self._ahead = sky_of(sky.satellites, next_ns, (len(self._store),), sky.klobuchar, self._store, self._points, self.site)
+            self._decided([epoch], sky)
 
     @property
     def next_deadline_ns(self) -> int | None:
@@ -141,14 +145,19 @@ class StationMonitor:
         )
 
     def _block(self, epochs: Sequence[AlignedEpoch]) -> list[Output]:
+        decided = self._decided(epochs, self._ahead)
+        self._streams, self._exclusions = decided.memory, decided.walked.table
+        self._last = (epochs[0], decided.sight.sky) if len(epochs) == 1 else None
+        return [output for e, epoch in enumerate(epochs) for output in self._epoch(decided, e, epoch)]
+
+    def _decided(self, epochs: Sequence[AlignedEpoch], ahead: Sky | None) -> _Decided:
+        """Steps 2 to 4; remembers nothing."""
         remembered = self._streams.signals_since(epochs[0].epoch_ns - self.limits.remember_satellite_ns)
-        sight = observe(epochs, self._store, self._points, self.site, self.limits, remembered, self._ahead)
-        self._sky = sight.sky
-        self._streams, streams = advance(self._streams, sight.block, sight.at_points.el_rad, sight.sky.healthy, self.limits)
+        sight = observe(epochs, self._store, self._points, self.site, self.limits, remembered, ahead)
+        memory, streams = advance(self._streams, sight.block, sight.at_points.el_rad, sight.sky.healthy, self.limits)
         screened = sight.satellites.screened
         on_screened = sight.satellites.statistics(screened)
         walked = self._walk(sight, on_screened)
-        self._exclusions = walked.table
 
         def checked(used: Bools) -> BlockChecks:
             shown = on_screened if used is screened else sight.satellites.statistics(used)
@@ -158,8 +167,7 @@ class StationMonitor:
         full = alone if np.array_equal(walked.used, screened) else checked(walked.used)
         walked, full = _leave_out_channels(sight, walked, full, checked)
         clean, clean_alone = clean_epochs(full.checks, "full"), clean_epochs(alone.checks, "triangle")
-        decided = _Decided(sight, streams, walked, full, alone, clean, clean_alone, suspects(full.triangle, self.limits))
-        return [output for e, epoch in enumerate(epochs) for output in self._epoch(decided, e, epoch)]
+        return _Decided(sight, memory, streams, walked, full, alone, clean, clean_alone, suspects(full.triangle, self.limits))
 
     def _walk(self, sight: Sight, on_screened: SatelliteStatistics) -> Walk:
         if self.site.integrity.rule == "triangle":

@@ -4,7 +4,8 @@
                                                                                    ->  recorder (a thread, behind a queue)
 
 One thread decides. It takes pieces in the order of arrival, puts a tick between them where a second has passed or a deadline of the
-monitor has, and publishes health before it does anything else. A bug ends the station: what is published then runs out by itself.
+monitor has, and publishes health before it does anything else. Shortly before an epoch is due it lets the monitor look ahead. A bug
+ends the station: what is published then runs out by itself.
 """
 
 import gc
@@ -37,6 +38,8 @@ from station.sources.kinds import SILENT_AFTER_S, FileSource, Source, parse_sour
 from station.sources.listener import Listener
 
 TICK_NS = NS_PER_S
+LOOK_AHEAD_NS = NS_PER_S // 200  # before an epoch is due: its sky is computed, and the processor is awake when it comes
+NEVER_NS = 2**63 - 1
 SWITCH_INTERVAL_S = 0.0005  # the longest that another thread keeps the deciding one from the interpreter
 
 Say = Callable[[str], None]
@@ -99,6 +102,7 @@ class Station:
         self._stopping = False
         self._now_ns = mono_now_ns()  # of the event decided last: never steps back
         self._next_tick_ns = self._now_ns
+        self._look_ahead_ns = NEVER_NS
         self._gps_ahead_ns: int | None = None  # GPS time minus the monotonic clock, by the last aligned epoch
         self._first: Snapshot | None = monitor.snapshot()  # until the recording begins, with its first decision
         self._unrecorded: list[Event] = []
@@ -115,8 +119,11 @@ class Station:
         gc.freeze()  # what stays for good is not searched again and again
         while not self._stopping:
             due_ns = self._due_ns()
-            piece = self._inbox.take(due_ns)
-            if piece is None or piece.mono_ns > due_ns:
+            piece = self._inbox.take(min(due_ns, self._look_ahead_ns))
+            if piece is None and self._look_ahead_ns <= mono_now_ns() < due_ns:
+                self._look_ahead_ns = NEVER_NS
+                self._monitor.look_ahead()
+            elif piece is None or piece.mono_ns > due_ns:
                 self._tick(max(due_ns, self._now_ns))
             if piece is not None:
                 self._now_ns = max(self._now_ns, piece.mono_ns)
@@ -153,6 +160,7 @@ class Station:
         for message in health.values():
             self._publisher.health(message)
         self._gps_ahead_ns = next((o.gps_time_ns - o.mono_ns for o in outputs if isinstance(o, EpochReport)), self._gps_ahead_ns)
+        self._look_ahead_ns = event.mono_ns + self._site.epoch_interval_ns - LOOK_AHEAD_NS
         self._record_what_came_before()
         for output in outputs:
             match output:

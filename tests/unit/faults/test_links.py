@@ -9,7 +9,7 @@ from integrity.gnss.gps_time import NS_PER_S
 from integrity.gnss.ubx.rawx import RXM_RAWX
 from integrity.states import Cause, State
 from recordings.faults import inject
-from recordings.faults.kinds import CorruptBytes, Delay, ReceiverDrop, ReceiverDuplicate
+from recordings.faults.kinds import CorruptBytes, Delay, ReceiverBias, ReceiverDrop, ReceiverDuplicate
 from tests.unit.faults.raw import BYTES, MEASURED, SECONDS, decided, fault, framed, recut, stream_of, with_fault
 from tests.unit.streams import SITE, START_NS
 
@@ -140,3 +140,18 @@ def test_a_long_delay_is_noticed_when_it_passes_the_deadline(events: tuple[Event
     """Last heard at 39 s: the shell's tick comes after two seconds and a nanosecond."""
     ticks = {e.mono_ns for e in with_fault(events, Delay(receiver="B", seconds=3.5)) if isinstance(e, Tick)}
     assert ticks - {e.mono_ns for e in events if isinstance(e, Tick)} == {START_NS + 41 * NS_PER_S + 1}
+
+
+def test_what_is_late_comes_after_everything_of_its_time() -> None:
+    events = with_fault(BYTES, Delay(receiver="B", seconds=1.0))
+    order = [
+        "tick" if isinstance(e, Tick) else e.receiver
+        for e in events
+        if isinstance(e, Tick | RawBytes) and e.mono_ns == START_NS + 60 * NS_PER_S
+    ]
+    assert order == ["A", "C", "tick", "B"]
+
+
+def test_frames_that_came_twice_are_changed_twice() -> None:
+    bias, twice = ReceiverBias(receiver="B", offset_enu_m=(15.0, 0.0, 0.0)), ReceiverDuplicate(receiver="B")
+    assert with_fault(with_fault(BYTES, twice), bias) == with_fault(with_fault(BYTES, bias), twice)
