@@ -56,4 +56,5 @@ def configure(site: Annotated[Path, typer.Argument(help="Site file (TOML).", sho
 def _say(line: str) -> None:
     """To people: one line per change, on stderr; with the clock on a terminal, without it where a journal has its own."""
     clock = f"{datetime.now(UTC):%H:%M:%S}  " if sys.stderr.isatty() else ""
-    print(f"{clock}{line}", file=sys.stderr, flush=True)
+    sys.stderr.write(f"{clock}{line}\n")  # in one piece: several threads speak
+    sys.stderr.flush()

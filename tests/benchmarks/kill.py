@@ -7,7 +7,6 @@ Each is killed at a random moment. What a listener received last is then looked 
 import argparse
 import random
 import tempfile
-import threading
 import time
 from contextlib import ExitStack
 from pathlib import Path
@@ -19,7 +18,7 @@ from recordings.link import Arrival, dial_link
 from recordings.reader import read_recording
 from recordings.replay import complaints, recover
 from recordings.simulate.server import ReceiverServer
-from tests.e2e.field import SITE_ID, Field, make_field, measured, running_station, until
+from tests.e2e.field import SITE_ID, Field, make_field, measured, playing, running_station, until
 
 INTERVAL_S = 0.1
 AT_ONCE = 5
@@ -57,7 +56,7 @@ def kill_some(seed: int, n: int) -> list[Loss]:
             link.subscribe(site_key(SITE_ID, HEALTH), take)
         server.wait_for_clients()
         until(lambda: all("C: connected" in (f.folder / "station.log").read_text() for f in fields), 20.0)
-        threading.Thread(target=server.play, args=(events,), daemon=True).start()
+        stack.enter_context(playing(server, events))
         began_s = time.monotonic()
         moments = sorted((rng.uniform(EARLIEST_S, LATEST_S), k) for k in range(n))
         for moment_s, k in moments:
@@ -88,7 +87,8 @@ def main() -> None:
     while len(losses) < arguments.times:
         losses += kill_some(arguments.seed + len(losses), min(AT_ONCE, arguments.times - len(losses)))
         worst = max(loss.lost_s for loss in losses)
-        print(f"{len(losses)} killed: worst loss {worst:.2f} s (asked 1.5), all recovered whole: {all(x.whole for x in losses)}", flush=True)
+        whole = all(loss.whole for loss in losses)
+        print(f"{len(losses)} killed: worst loss {worst:.2f} s (asked 1.5), all recovered whole: {whole}", flush=True)
 
 
 if __name__ == "__main__":

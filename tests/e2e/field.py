@@ -1,13 +1,16 @@
 """A station as in the field, on loopback: a folder with site file and keys, simulated receivers on TCP, the station as a process."""
 
+import contextlib
 import os
 import socket
 import subprocess
 import sys
+import threading
 import time
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
+from itertools import takewhile
 from pathlib import Path
 
 from integrity.events import Event
@@ -15,6 +18,7 @@ from integrity.gnss.gps_time import parse_utc
 from recordings.keys import new_key, trusted_table
 from recordings.simulate.observations import antennas_of, simulate
 from recordings.simulate.receiver import as_bytes
+from recordings.simulate.server import ReceiverServer
 from recordings.site_file import SiteFile, load_site
 from tests.unit.sites import A_ECEF_M, B_ECEF_M, C_ECEF_M
 
@@ -107,3 +111,60 @@ def until(condition: object, within_s: float) -> bool:
             return True
         time.sleep(0.02)
     return bool(condition())
+
+
+@contextmanager
+def playing(server: ReceiverServer, events: Iterable[Event]) -> Iterator[None]:
+    """The server plays in the background, until the events or this block end."""
+    ended = threading.Event()
+    player = threading.Thread(target=server.play, args=(takewhile(lambda _: not ended.is_set(), events),))
+    player.start()
+    try:
+        yield
+    finally:
+        ended.set()
+        player.join()
+
+
+class Plug:
+    """A cable between a station and a simulated receiver, which can be pulled and pushed in again."""
+
+    def __init__(self, upstream: tuple[str, int]) -> None:
+        self._upstream = upstream
+        self._server = socket.create_server(("127.0.0.1", 0))
+        self.address: tuple[str, int] = self._server.getsockname()
+        self._pulled = False
+        self._ends: list[socket.socket] = []
+
+    def __enter__(self) -> "Plug":
+        threading.Thread(target=self._serve, daemon=True).start()
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.pull()
+        self._server.close()
+
+    def pull(self) -> None:
+        self._pulled = True
+        for end in self._ends:
+            with contextlib.suppress(OSError):
+                end.shutdown(socket.SHUT_RDWR)
+
+    def push(self) -> None:
+        self._pulled = False
+
+    def _serve(self) -> None:
+        with contextlib.suppress(OSError):
+            while True:
+                client, _ = self._server.accept()
+                if self._pulled:
+                    client.close()
+                    continue
+                receiver = socket.create_connection(self._upstream)
+                self._ends = [client, receiver]
+                threading.Thread(target=self._forward, args=(receiver, client), daemon=True).start()
+
+    def _forward(self, receiver: socket.socket, client: socket.socket) -> None:
+        with receiver, client, contextlib.suppress(OSError):
+            while data := receiver.recv(1 << 16):
+                client.sendall(data)
