@@ -25,7 +25,9 @@ from integrity.gnss.ubx.rawx import RXM_RAWX, decode_rawx
 from integrity.gnss.ubx.sfrbx import RXM_SFRBX, decode_sfrbx
 from integrity.gnss.ubx.status import STATUS_MESSAGES, decode_status
 
-STATUS_EVERY_NS = NS_PER_S  # hearsay is read once a second, however often it is sent
+NAV_PVT = (0x01, 0x07)
+STATUS_EVERY_NS = NS_PER_S  # hearsay is read once a second, however often it is sent;
+POSITION_EVERY_NS = 10 * NS_PER_S  # positions, which come every epoch and say little, every ten
 
 
 @dataclass(frozen=True)
@@ -112,7 +114,8 @@ class _Stream:
 
     def _due(self, kind: tuple[int, int], mono_ns: int) -> bool:
         last_ns = self._status_mono_ns.get(kind)
-        if last_ns is not None and mono_ns - last_ns < STATUS_EVERY_NS:
+        every_ns = POSITION_EVERY_NS if kind == NAV_PVT else STATUS_EVERY_NS
+        if last_ns is not None and mono_ns - last_ns < every_ns:
             return False
         self._status_mono_ns[kind] = mono_ns
         return True

@@ -193,8 +193,8 @@ def simulate(
 
     Example: wayside simulate recordings/samples/triangle.toml -o triangle.mcap
     """
+    from recordings.faults import at_link, parse_faults
     from recordings.faults import inject as with_faults
-    from recordings.faults import parse_faults
     from recordings.replay import decide_and_record, redacted
     from recordings.simulate.observations import antennas_of
     from recordings.simulate.observations import simulate as simulated
@@ -211,7 +211,9 @@ def simulate(
     address = None if serve is None else _first_address(serve, len(site.config.receivers))
     faults = parse_faults(story.faults, str(scenario), story.start_ns, site.config) if story.faults.strip() else ()
     measured = simulated(site.config, story.start_ns, story.duration_s, story.rate_hz, story.seed)
-    events = as_bytes(with_faults(measured, faults, site.config), antennas_of(site.config))
+    before_receivers = [fault for fault in faults if not at_link(fault)]
+    sent = as_bytes(with_faults(measured, before_receivers, site.config), antennas_of(site.config))
+    events = with_faults(sent, [fault for fault in faults if at_link(fault)], site.config)
     if output is not None:
         truth = {"faults": story.faults.strip() + "\n", "scenario": redacted(text)}
         decide_and_record(output, site, events, {"truth": truth}, watch=watched)

@@ -5,7 +5,7 @@ NAV-PVT, once a second MON-RF, and RXM-RAWX last: with its last byte the epoch i
 words of the 30 s before, so that ephemerides and ionosphere are there from the first epoch on.
 
 Navigation words carry the ephemeris in force, wrong ones included. Two liberties: subframe 4 is always page 18 (ionosphere), and I/NAV
-words 1 to 5 follow each other without the others, so that every satellite says everything within 30 s.
+words 0 to 6 follow each other without the others, so that every satellite says everything within 30 s.
 Source of all layouts: u-blox F9 HPG 1.51 interface description.
 """
 
@@ -38,7 +38,7 @@ WORDS_BEFORE_NS = 30 * NS_PER_S  # of the first burst, and the most that are sen
 GNSS_ID = {"G": 0, "E": 2}
 SIGNAL_ID = {("G", "1C"): 0, ("E", "1C"): 0, ("E", "1B"): 1}
 SUBFRAME_NS, SUBFRAMES = 6 * NS_PER_S, 5  # IS-GPS-200, 20.3.3
-PAGE_NS, WORD_TYPES = 2 * NS_PER_S, 5  # Galileo OS SIS ICD, 4.3: a nominal page, even and odd part
+PAGE_NS, WORD_TYPES = 2 * NS_PER_S, 7  # Galileo OS SIS ICD, 4.3: a nominal page, even and odd part
 
 _MEASUREMENT_VALID, _HALF_CYCLE_KNOWN = 0b011, 0b100  # trkStat: range and carrier; half cycle resolved
 _PVT = struct.Struct("<I H5B B I i 4B 4i 2I 5i 2I 2H 4x i h H")
@@ -116,7 +116,7 @@ def _words_frame(ephemeris: Ephemeris, klobuchar: Klobuchar, start_ns: int) -> b
             words = lnav_words(sent, klobuchar, start_ns // SUBFRAME_NS % SUBFRAMES + 1, start_ns)
             signal_id = SIGNAL_ID["G", "1C"]
         else:
-            words = inav_words(sent, klobuchar, start_ns // PAGE_NS % WORD_TYPES + 1, start_ns)
+            words = inav_words(sent, klobuchar, start_ns // PAGE_NS % WORD_TYPES, start_ns)
             signal_id = SIGNAL_ID["E", "1B"]
     except ValueError as error:
         raise ConfigError(f"{ephemeris.satellite} cannot send its ephemeris: {error}; make the fault of this ephemeris smaller") from None

@@ -23,6 +23,7 @@ from tests.unit.streams import SITE, new_monitor, reports, stream
 SECONDS = 12.0
 RECEIVERS = SITE.receiver_names
 NAV_PVT_NO_FIX = frame_bytes(0x01, 0x07, bytes(92))
+MON_RF = frame_bytes(0x0A, 0x38, bytes((0, 1, 0, 0)) + bytes((0, 3, 2, 1)) + bytes(20))  # critical jamming
 
 
 @cache
@@ -109,18 +110,20 @@ def test_damage_is_counted() -> None:
     assert (memory.bad_frames, memory.skipped_bytes) == (1, 5 + len(NAV_PVT_NO_FIX))
 
 
-@pytest.mark.parametrize(("apart_ns", "read"), [(NS_PER_S - 1, 1), (NS_PER_S, 2)])
-def test_hearsay_is_read_once_a_second(apart_ns: int, read: int) -> None:
-    found = heard([RawBytes(0, "A", NAV_PVT_NO_FIX), RawBytes(apart_ns, "A", NAV_PVT_NO_FIX)])
+@pytest.mark.parametrize(
+    ("frame", "apart_ns", "read"),
+    [(MON_RF, NS_PER_S - 1, 1), (MON_RF, NS_PER_S, 2), (NAV_PVT_NO_FIX, 10 * NS_PER_S - 1, 1), (NAV_PVT_NO_FIX, 10 * NS_PER_S, 2)],
+)
+def test_hearsay_is_read_now_and_then(frame: bytes, apart_ns: int, read: int) -> None:
+    found = heard([RawBytes(0, "A", frame), RawBytes(apart_ns, "A", frame)])
     assert sum(isinstance(e, StatusReceived) for e in found) == read
 
 
 def test_what_a_receiver_says_of_itself_is_among_the_reasons() -> None:
     monitor = new_monitor()
-    jammed = frame_bytes(0x0A, 0x38, bytes((0, 1, 0, 0)) + bytes((0, 3, 2, 1)) + bytes(20))
     sent = as_sent()
     first = next(i for i, e in enumerate(sent) if isinstance(e, RawBytes))
-    outputs = monitor.feed([*sent[:first], RawBytes(sent[first].mono_ns - NS_PER_S // 2, "A", jammed), *sent[first:]])
+    outputs = monitor.feed([*sent[:first], RawBytes(sent[first].mono_ns - NS_PER_S // 2, "A", MON_RF), *sent[first:]])
     health = next(o for o in outputs if not isinstance(o, EpochReport) and hasattr(o, "reasons"))
     assert any(reason.startswith("A reports interference") for reason in health.reasons)
 

@@ -23,6 +23,7 @@ from integrity.gnss.ubx.sfrbx import NavigationWords
 PAGES_TOGETHER_NS = 600 * NS_PER_S  # each page comes every 30 s; issues repeat after 6 h at the earliest: IS-GPS-200, 20.3.4.4
 
 A_MOMENT_NS = 60 * NS_PER_S
+GPS_TIME_BITS, GALILEO_TIME_BITS = lnav.HEAD.mask("next_tow_count"), inav.WORD_5.mask("week", "tow_s")
 
 PAGES_OF_SET = {"G": (1, 2, 3), "E": (1, 2, 3, 4, 5)}
 PAGE_WITH_TIME = {"G": 1, "E": 5}  # the one whose beginning is the time of transmission
@@ -43,9 +44,10 @@ class Page(NamedTuple):
 
 
 class _Kept(NamedTuple):
-    """A page's message and when it arrived, in GPS time; None: before the time was known."""
+    """A page's message, its issue (None: it has none), and when it arrived, in GPS time; None: before the time was known."""
 
     message: int
+    issue: int | None
     arrived_ns: int | None
 
 
@@ -90,7 +92,7 @@ class NavigationCollector:
         number = _number(system, message)
         if number not in PAGES_OF_SET[system]:
             return []
-        before, now = self._kept.get(words.satellite, {}).get(number), _Kept(message, near_ns)
+        before, now = self._kept.get(words.satellite, {}).get(number), _Kept(message, _issue(system, number, message), near_ns)
         self._keep(words.satellite, number, now)
         if before is not None and _repeats(system, number, before, now):
             return []
@@ -108,9 +110,7 @@ class NavigationCollector:
 
     def _keep(self, satellite: str, number: int, page: _Kept) -> None:
         pages = self._kept.setdefault(satellite, {})
-        issue = _issue(satellite[0], number, page.message)
-        others = (_issue(satellite[0], other, kept.message) for other, kept in pages.items())
-        if issue is not None and any(other not in (issue, None) for other in others):
+        if page.issue is not None and any(kept.issue not in (page.issue, None) for kept in pages.values()):
             pages.clear()
         pages[number] = page
 
@@ -130,7 +130,7 @@ def _repeats(system: str, number: int, before: _Kept, now: _Kept) -> bool:
     """Whether a page says what it said a moment ago, but for the time: then the set is as it was, and was told if there was one."""
     if before.arrived_ns is None or now.arrived_ns is None or not 0 <= now.arrived_ns - before.arrived_ns <= A_MOMENT_NS:
         return False
-    time = lnav.HEAD.mask("next_tow_count") if system == "G" else inav.WORD_5.mask("week", "tow_s") if number == 5 else 0
+    time = GPS_TIME_BITS if system == "G" else GALILEO_TIME_BITS if number == 5 else 0
     return (before.message ^ now.message) & ~time == 0
 
 
@@ -175,11 +175,9 @@ def _unpacked(page: Page) -> _Kept:
     system = page.satellite[:1]
     size = MESSAGE_BYTES.get(system, 0)
     if size and len(page.data) in (size, size + TIME_BYTES):
-        kept = _Kept(
-            int.from_bytes(page.data[:size], "big"), int.from_bytes(page.data[size:], "big", signed=True) if len(page.data) > size else None
-        )
-        if page.number in PAGES_OF_SET[system] and page.number == _number(system, kept.message):
-            return kept
+        message, time = int.from_bytes(page.data[:size], "big"), page.data[size:]
+        if page.number in PAGES_OF_SET[system] and page.number == _number(system, message):
+            return _Kept(message, _issue(system, page.number, message), int.from_bytes(time, "big", signed=True) if time else None)
     raise DecodeError(
         f"navigation page {page.number} of {page.satellite!r} in a snapshot: {page.data.hex()} is no such page; "
         "the snapshot is damaged: start without it"
