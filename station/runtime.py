@@ -40,7 +40,7 @@ from station.sources.listener import Listener
 TICK_NS = NS_PER_S
 LOOK_AHEAD_NS = NS_PER_S // 200  # before an epoch is due: its sky is computed, and the processor is awake when it comes
 NEVER_NS = 2**63 - 1
-SWITCH_INTERVAL_S = 0.0005  # the longest that another thread keeps the deciding one from the interpreter
+SWITCH_INTERVAL_S = 0.005  # the longest that another thread keeps the deciding one from the interpreter
 
 Say = Callable[[str], None]
 M = TypeVar("M", bound=Message)
@@ -104,8 +104,8 @@ class Station:
         self._next_tick_ns = self._now_ns
         self._look_ahead_ns = NEVER_NS
         self._gps_ahead_ns: int | None = None  # GPS time minus the monotonic clock, by the last aligned epoch
-        self._first: Snapshot | None = monitor.snapshot()  # until the recording begins, with its first decision
-        self._unrecorded: list[Event] = []
+        self._first: Snapshot | None = monitor.snapshot()  # until the recording begins: with the first decision, when the time is known
+        self._held: list[Event] = []  # decided on, and not yet handed to the recorder
 
     def stop(self) -> None:
         """End `run` soon; safe in a signal handler."""
@@ -117,6 +117,12 @@ class Station:
         sys.setswitchinterval(SWITCH_INTERVAL_S)
         gc.collect()
         gc.freeze()  # what stays for good is not searched again and again
+        try:
+            self._run(sources_alive)
+        finally:
+            self._hand_over()
+
+    def _run(self, sources_alive: Callable[[], bool]) -> None:
         while not self._stopping:
             due_ns = self._due_ns()
             piece = self._inbox.take(min(due_ns, self._look_ahead_ns))
@@ -149,10 +155,14 @@ class Station:
             self._say(f"{receiver}: overloaded, {chunks} pieces of its bytes were lost: is this machine too slow, or too busy?")
             self._decide(InputLost(mono_ns, receiver, chunks))
         self._decide(tick(self._site.host_clock, mono_ns))
+        self._hand_over()
 
     def _decide(self, event: Event) -> None:
-        """Record what is decided on, decide, publish, record what was decided."""
-        self._record(event)
+        """Decide, publish, record; the recorder is not woken before health is on the air."""
+        if self._first is None and self._recorder.wants_snapshot(event.mono_ns):
+            self._hand_over()
+            self._begin(self._monitor.snapshot(), event.mono_ns)
+        self._held.append(event)
         outputs = self._monitor.feed((event,))
         if not outputs:
             return
@@ -161,7 +171,10 @@ class Station:
             self._publisher.health(message)
         self._gps_ahead_ns = next((o.gps_time_ns - o.mono_ns for o in outputs if isinstance(o, EpochReport)), self._gps_ahead_ns)
         self._look_ahead_ns = event.mono_ns + self._site.epoch_interval_ns - LOOK_AHEAD_NS
-        self._record_what_came_before()
+        if self._first is not None:
+            self._begin(self._first, self._held[0].mono_ns)
+            self._first = None
+        self._hand_over()
         for output in outputs:
             match output:
                 case HealthReport():
@@ -176,22 +189,12 @@ class Station:
         put(message)
         self._recorder.output(message)
 
-    def _record(self, event: Event) -> None:
-        if self._first is not None:
-            self._unrecorded.append(event)  # at most until the first silence is noticed
-            return
-        if self._recorder.wants_snapshot(event.mono_ns):
-            self._begin(self._monitor.snapshot(), event.mono_ns)
-        self._recorder.event(event)
-
-    def _record_what_came_before(self) -> None:
-        """The recording begins with the first decision: then the time is known, by which the file is named."""
+    def _hand_over(self) -> None:
+        """Events to the recorder; before the first decision they are held, at most until the first silence is noticed."""
         if self._first is None:
-            return
-        self._begin(self._first, self._unrecorded[0].mono_ns)
-        for event in self._unrecorded:
-            self._recorder.event(event)
-        self._first, self._unrecorded = None, []
+            for event in self._held:
+                self._recorder.event(event)
+            self._held.clear()
 
     def _begin(self, snapshot: Snapshot, mono_ns: int) -> None:
         """A new file, by GNSS time if there is any."""
