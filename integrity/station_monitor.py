@@ -90,7 +90,7 @@ class StationMonitor:
         self._health = start.health
         self._sequence = start.sequence
         self._streams = start.streams
-        self._last: tuple[AlignedEpoch, Sky] | None = None  # epoch decided alone
+        self._sky: Sky | None = None  # of the last block
         self._ahead: Sky | None = None
 
     def feed(self, events: Iterable[Event]) -> list[Output]:
@@ -111,15 +111,11 @@ class StationMonitor:
         return outputs + self._block(run) if run else outputs
 
     def look_ahead(self) -> None:
-        """While there is time: compute the sky of the next epoch, and decide the last one once more for nothing.
-
-        It changes no decision, only how soon the next one is there: a processor that has just done the same does it in half the time.
-        """
-        if self._last is not None:
-            epoch, sky = self._last
-            next_ns = np.array([epoch.epoch_ns + self.site.epoch_interval_ns])
+        """Compute the sky of the next epoch while there is time. It changes no decision, only how soon the next one is there."""
+        last_ns, sky = self._assembler.last_epoch_ns, self._sky
+        if last_ns is not None and sky is not None:
+            next_ns = np.array([last_ns + self.site.epoch_interval_ns])
             self._ahead = sky_of(sky.satellites, next_ns, (len(self._store),), sky.klobuchar, self._store, self._points, self.site)
-            self._decided([epoch], sky)
 
     @property
     def next_deadline_ns(self) -> int | None:
@@ -145,15 +141,14 @@ class StationMonitor:
         )
 
     def _block(self, epochs: Sequence[AlignedEpoch]) -> list[Output]:
-        decided = self._decided(epochs, self._ahead)
-        self._streams, self._exclusions = decided.memory, decided.walked.table
-        self._last = (epochs[0], decided.sight.sky) if len(epochs) == 1 else None
+        decided = self._decided(epochs)
+        self._streams, self._exclusions, self._sky = decided.memory, decided.walked.table, decided.sight.sky
         return [output for e, epoch in enumerate(epochs) for output in self._epoch(decided, e, epoch)]
 
-    def _decided(self, epochs: Sequence[AlignedEpoch], ahead: Sky | None) -> _Decided:
+    def _decided(self, epochs: Sequence[AlignedEpoch]) -> _Decided:
         """Steps 2 to 4; remembers nothing."""
         remembered = self._streams.signals_since(epochs[0].epoch_ns - self.limits.remember_satellite_ns)
-        sight = observe(epochs, self._store, self._points, self.site, self.limits, remembered, ahead)
+        sight = observe(epochs, self._store, self._points, self.site, self.limits, remembered, self._ahead)
         memory, streams = advance(self._streams, sight.block, sight.at_points.el_rad, sight.sky.healthy, self.limits)
         screened = sight.satellites.screened
         on_screened = sight.satellites.statistics(screened)

@@ -34,11 +34,12 @@ from station.inbox import Inbox
 from station.notify import notify
 from station.publisher import Publisher
 from station.recorder import Recorder, check_directory
+from station.second_look import SecondLook
 from station.sources.kinds import SILENT_AFTER_S, FileSource, Source, parse_source
 from station.sources.listener import Listener
 
 TICK_NS = NS_PER_S
-LOOK_AHEAD_NS = NS_PER_S // 200  # before an epoch is due: its sky is computed, and the processor is awake when it comes
+LOOK_AHEAD_NS = NS_PER_S // 50  # before an epoch is due: then there is time, and the processor is still warm when it comes
 NEVER_NS = 2**63 - 1
 SWITCH_INTERVAL_S = 0.005  # the longest that another thread keeps the deciding one from the interpreter
 
@@ -94,6 +95,7 @@ class Station:
     ) -> None:
         self._site = site.config
         self._monitor = monitor
+        self._second_look = SecondLook(site.config)
         self._inbox = inbox
         self._publisher = publisher
         self._recorder = recorder
@@ -117,6 +119,7 @@ class Station:
         sys.setswitchinterval(SWITCH_INTERVAL_S)
         gc.collect()
         gc.freeze()  # what stays for good is not searched again and again
+        gc.disable()  # garbage is collected when nothing is due
         try:
             self._run(sources_alive)
         finally:
@@ -127,8 +130,7 @@ class Station:
             due_ns = self._due_ns()
             piece = self._inbox.take(min(due_ns, self._look_ahead_ns))
             if piece is None and self._look_ahead_ns <= mono_now_ns() < due_ns:
-                self._look_ahead_ns = NEVER_NS
-                self._monitor.look_ahead()
+                self._look_ahead()
             elif piece is None or piece.mono_ns > due_ns:
                 self._tick(max(due_ns, self._now_ns))
             if piece is not None:
@@ -137,6 +139,13 @@ class Station:
             elif not sources_alive():
                 self._say("every source has ended")
                 return
+
+    def _look_ahead(self) -> None:
+        """While there is time: what the next epoch needs, and a second look at what was decided."""
+        self._look_ahead_ns = NEVER_NS
+        self._monitor.look_ahead()
+        self._second_look.take()
+        gc.collect(1)
 
     def _due_ns(self) -> int:
         """When the next tick is due: each second, and as soon as the monitor would notice a silence."""
@@ -156,6 +165,9 @@ class Station:
             self._decide(InputLost(mono_ns, receiver, chunks))
         self._decide(tick(self._site.host_clock, mono_ns))
         self._hand_over()
+        if self._look_ahead_ns == NEVER_NS:  # nothing is due
+            self._second_look.take()
+            gc.collect()
 
     def _decide(self, event: Event) -> None:
         """Decide, publish, record; the recorder is not woken before health is on the air."""
@@ -164,6 +176,7 @@ class Station:
             self._begin(self._monitor.snapshot(), event.mono_ns)
         self._held.append(event)
         outputs = self._monitor.feed((event,))
+        self._second_look.note(event, outputs)
         if not outputs:
             return
         health = {o.sequence: encode_health(o, self._site, SOFTWARE, self._boot_id) for o in outputs if isinstance(o, HealthReport)}
