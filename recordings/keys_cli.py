@@ -19,7 +19,7 @@ Site = Annotated[str | None, typer.Option("--site", help="Site id; by default th
 def new(file: KeyFile, site: Site = None) -> None:
     """Make a station's key; on stdout the table by which a train trusts it.
 
-    Example: wayside keys new keys/kokubunji-1.pem >> keys/trusted.toml
+    Example: wayside keys new kokubunji-1.pem >> trusted.toml
     """
     from recordings.keys import new_key, trusted_table
 
@@ -33,7 +33,7 @@ def new(file: KeyFile, site: Site = None) -> None:
 def show(file: KeyFile, site: Site = None) -> None:
     """The table by which a train trusts a station's key, on stdout.
 
-    Example: wayside keys show keys/kokubunji-1.pem >> keys/trusted.toml
+    Example: wayside keys show kokubunji-1.pem >> trusted.toml
     """
     from recordings.keys import load_key, trusted_table
 

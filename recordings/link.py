@@ -19,12 +19,11 @@ import zenoh
 from zenoh import ext
 
 from integrity.errors import LinkError
+from recordings.site_schema import ENDPOINT_PATTERN
 
 LEASE_MS = 1000  # a peer that is silent for so long is gone; its death without a word shows at once over TCP
 RETRY_MS = (200, 1000)  # first and longest pause between attempts to connect
 ALERT_HEARTBEAT_S = 0.5  # how late a lost last alert is noticed
-_PORT = r"([1-9]\d{0,3}|[1-5]\d{4}|6[0-4]\d{3}|65[0-4]\d\d|655[0-2]\d|6553[0-5])"
-_ENDPOINT = re.compile(rf"(tcp|udp|ws|tls|quic)/(\[[0-9A-Fa-f:.%]+\]|[^\s:/?#]+):{_PORT}([?#]\S*)?|unixsock-stream/\S+")
 
 Put = Callable[[bytes], None]
 
@@ -216,7 +215,7 @@ class _NobodyThere(LinkError):
 def _check_endpoints(endpoints: Sequence[str]) -> None:
     """Zenoh itself takes some that lead nowhere, such as a host without a port, and tries them for ever."""
     for endpoint in endpoints:
-        if not _ENDPOINT.fullmatch(endpoint):
+        if not re.fullmatch(ENDPOINT_PATTERN, endpoint):
             raise LinkError(f"endpoint {endpoint!r}: expected PROTOCOL/HOST:PORT, such as tcp/127.0.0.1:7447")
 
 

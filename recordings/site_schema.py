@@ -15,6 +15,7 @@ from recordings.toml_file import Parts, Problem, TomlDocument, did_you_mean, dot
 NAME_PATTERN = "[A-Za-z0-9][A-Za-z0-9_-]*"  # of a site and of a receiver: both become parts of Zenoh keys, channels and columns
 _PORT = "([1-9][0-9]{0,3}|[1-5][0-9]{4}|6[0-4][0-9]{3}|65[0-4][0-9]{2}|655[0-2][0-9]|6553[0-5])"
 _HOST = r"(\[[0-9A-Fa-f:.]+\]|[^\s:/@?#]+)"
+ENDPOINT_PATTERN = rf"(tcp|udp|ws|tls|quic)/(\[[0-9A-Fa-f:.%]+\]|[^\s:/?#]+):{_PORT}([?#]\S*)?|unixsock-stream/\S+"  # of Zenoh
 SIGMA_TEXT = "a standard deviation in metres, above 0 (from 1e-6) and at most 1000"  # squares and ratios then stay finite
 
 Name = Annotated[str, Field(pattern=f"^{NAME_PATTERN}$", description='a name of letters, digits, "-" and "_", such as "north-1"')]
@@ -25,8 +26,8 @@ SigmaUp = Annotated[float | None, Field(ge=1e-6, le=1000, description=SIGMA_TEXT
 PerYear = Annotated[float, Field(gt=0, le=1000, description="a number per year, above 0 and at most 1000")]
 Correlation = Annotated[float, Field(gt=0, le=1e6, description="a correlation time in seconds, above 0 and at most 1000000")]
 Endpoints = Annotated[
-    tuple[Annotated[str, Field(pattern=r"^[a-z][a-z0-9_-]*/\S+$")], ...],
-    Field(strict=False, description='a list of Zenoh endpoints, such as ["tcp/0.0.0.0:7447"]'),
+    tuple[Annotated[str, Field(pattern=f"^({ENDPOINT_PATTERN})$")], ...],
+    Field(strict=False, description='a list of Zenoh endpoints, PROTOCOL/HOST:PORT, such as ["tcp/0.0.0.0:7447"]'),
 ]
 Ecef = Annotated[
     tuple[float, float, float] | None,

@@ -24,7 +24,7 @@ def check(
     from station.check import check_site, render
 
     report = check_site(site)
-    print(json.dumps(to_json(report), indent=2) if as_json else render(report))
+    print(json.dumps(to_json(report), indent=2) + "\n" if as_json else render(report), end="")
     if report.errors:
         raise typer.Exit(2)
 
@@ -38,7 +38,7 @@ def run(site: Annotated[Path, typer.Argument(help="Site file (TOML).", show_defa
     from station.check import sound_site
     from station.runtime import run_station
 
-    run_station(sound_site(site), _say)
+    raise typer.Exit(run_station(sound_site(site), _say))
 
 
 @commands.command()

@@ -13,6 +13,7 @@ import os
 import signal
 import sys
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import TypeVar
 
@@ -41,16 +42,20 @@ from station.sources.listener import Listener
 TICK_NS = NS_PER_S
 LOOK_AHEAD_NS = NS_PER_S // 50  # before an epoch is due: then there is time, and the processor is still warm when it comes
 NEVER_NS = 2**63 - 1
+INTERRUPTED = 130
 SWITCH_INTERVAL_S = 0.005  # the longest that another thread keeps the deciding one from the interpreter
 
 Say = Callable[[str], None]
 M = TypeVar("M", bound=Message)
 
 
-def run_station(site: SiteFile, say: Say) -> None:
-    """Run until SIGTERM or SIGINT, or until every source has ended (files do). Raises ConfigError or LinkError where it cannot start."""
-    sources = {name: parse_source(url) for name, url in site.sources.items() if url is not None}
+def run_station(site: SiteFile, say: Say) -> int:
+    """Run until SIGTERM or SIGINT, or until every source has ended (files do); the exit code.
+
+    Raises ConfigError or LinkError where it cannot start.
+    """
     folder = Path(site.file).parent  # relative paths of a site file count from where it lies
+    sources = {name: _at_home(parse_source(url), folder) for name, url in site.sources.items() if url is not None}
     key = load_key(folder / site.publish.key)
     directory = folder / site.record.directory
     check_directory(directory)
@@ -63,7 +68,7 @@ def run_station(site: SiteFile, say: Say) -> None:
         listeners = [_listener(name, source, inbox, site.config.epoch_interval_ns, say) for name, source in sources.items()]
         station = Station(site, monitor, inbox, publisher, recorder, boot_id, say)
         for number in (signal.SIGTERM, signal.SIGINT):
-            signal.signal(number, lambda *_: station.stop())
+            signal.signal(number, lambda received, _: station.stop(received))
         try:
             for listener in listeners:
                 listener.start()
@@ -79,6 +84,11 @@ def run_station(site: SiteFile, say: Say) -> None:
         for name, dropped in monitor.dropped.items():
             if dropped:
                 say(f"{name}: {dropped} rows had no partner in the other receivers")
+    return INTERRUPTED if station.stopped_by == signal.SIGINT else 0
+
+
+def _at_home(source: Source, folder: Path) -> Source:
+    return replace(source, path=str(folder / source.path)) if isinstance(source, FileSource) else source
 
 
 def _listener(receiver: str, source: Source, inbox: Inbox, interval_ns: int, say: Say) -> Listener:
@@ -95,13 +105,13 @@ class Station:
     ) -> None:
         self._site = site.config
         self._monitor = monitor
-        self._second_look = SecondLook(site.config)
+        self._second_look = SecondLook(site.config, say)
         self._inbox = inbox
         self._publisher = publisher
         self._recorder = recorder
         self._boot_id = boot_id
         self._say = say
-        self._stopping = False
+        self.stopped_by = 0  # signal; 0: none
         self._now_ns = mono_now_ns()  # of the event decided last: never steps back
         self._next_tick_ns = self._now_ns
         self._look_ahead_ns = NEVER_NS
@@ -109,9 +119,9 @@ class Station:
         self._first: Snapshot | None = monitor.snapshot()  # until the recording begins: with the first decision, when the time is known
         self._held: list[Event] = []  # decided on, and not yet handed to the recorder
 
-    def stop(self) -> None:
+    def stop(self, signal_number: int) -> None:
         """End `run` soon; safe in a signal handler."""
-        self._stopping = True
+        self.stopped_by = signal_number
         self._inbox.wake()
 
     def run(self, sources_alive: Callable[[], bool]) -> None:
@@ -126,7 +136,7 @@ class Station:
             self._hand_over()
 
     def _run(self, sources_alive: Callable[[], bool]) -> None:
-        while not self._stopping:
+        while not self.stopped_by:
             due_ns = self._due_ns()
             piece = self._inbox.take(min(due_ns, self._look_ahead_ns))
             if piece is None and self._look_ahead_ns <= mono_now_ns() < due_ns:
@@ -154,7 +164,7 @@ class Station:
         return min(self._next_tick_ns, noticed_ns)
 
     def _tick(self, mono_ns: int) -> None:
-        if mono_now_ns() < mono_ns or self._stopping:
+        if mono_now_ns() < mono_ns or self.stopped_by:
             return  # woken early
         self._now_ns = mono_ns
         if mono_ns >= self._next_tick_ns:

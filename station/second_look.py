@@ -4,24 +4,33 @@ What it is for: memory that flips a bit and code that depends on more than its i
 it does besides: it runs shortly before the next epoch is due, and a processor that has just done the same work does it in half the time.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 from integrity.config import SiteConfig
 from integrity.events import Event
 from integrity.outputs import HealthReport, Output
 from integrity.station_monitor import StationMonitor
 
+MOST_NOTED = 2000  # events, a minute of three receivers at 10 Hz: there has been no time for so long
+
 
 class SecondLook:
-    """Notes what was decided, and decides it again when there is time."""
+    """Notes what was decided, and decides it again when there is time. Gives up, and says so, where there never is."""
 
-    def __init__(self, site: SiteConfig) -> None:
+    def __init__(self, site: SiteConfig, say: Callable[[str], None]) -> None:
         self._monitor = StationMonitor(site)
+        self._say = say
         self._noted: list[tuple[Event, list[HealthReport]]] = []
+        self._given_up = False
 
     def note(self, event: Event, outputs: Sequence[Output]) -> None:
         """What came of an event."""
-        self._noted.append((event, _health(outputs)))
+        if len(self._noted) == MOST_NOTED:
+            self._given_up = True
+            self._noted.clear()
+            self._say("this machine is too busy to decide everything twice: until the next start it decides once")
+        if not self._given_up:
+            self._noted.append((event, _health(outputs)))
 
     def take(self) -> None:
         """Decide again what was noted. RuntimeError where it comes out differently: nothing may be published after that."""

@@ -31,6 +31,7 @@ SCALE_OF_SYSTEM = {"R": "GLO", "C": "BDT"}  # where TIME OF FIRST OBS does not s
 
 _TIME = r" ([ \d]\d) ([ \d]\d) ([ \d]\d) ([ \d]\d)([ \d]{3})\.(\d{7})"
 _FLAG_AND_COUNT = r"  ([0-6])(  \d| \d\d|\d{3})"
+_TYPE = re.compile(r"[A-Z]\d[A-Z]?", re.ASCII)
 _EPOCH_2 = re.compile(rf"(?: ([ \d]\d){_TIME}| {{26}}){_FLAG_AND_COUNT}", re.ASCII)
 _EPOCH_3 = re.compile(rf">(?: (\d{{4}}){_TIME}| {{28}}){_FLAG_AND_COUNT}", re.ASCII)
 _FIELD = re.compile(r" *-?\d*\.\d{3}", re.ASCII)
@@ -125,7 +126,12 @@ def _observation_types(text: RinexText, lines: Iterable[HeaderLine], version: fl
         if count:
             system = "" if version < 3 else content[0]
             types[system], promised[system] = [], (count, number)
-        types.setdefault(system, []).extend(content[6:].split())
+        names = content[6:].split()
+        wrong = [name for name in names if not _TYPE.fullmatch(name)]
+        if wrong:
+            found = f"observation type {wrong[0]!r}"
+            raise broken(text.path, number, found, "names like C1 or C1C", "fetch or convert the file again")
+        types.setdefault(system, []).extend(names)
     for system, codes in types.items():
         count, number = promised.get(system, ("none", 1))
         if real(count) != len(codes):

@@ -141,7 +141,7 @@ class FileSource:
         try:
             fd = os.open(self.path, os.O_RDONLY | os.O_NONBLOCK)
         except OSError as error:
-            raise LinkError(f"{self.url}: {reason(error)}: the path is taken from the folder that the program was started in") from None
+            raise LinkError(f"{self.url}: {reason(error)}: a relative path counts from where the site file lies") from None
         return Link(fd, lambda: os.read(fd, MOST_BYTES) or None, partial(os.close, fd), wake)
 
 

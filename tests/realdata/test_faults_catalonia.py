@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from integrity.config import IntegrityConfig, ReceiverConfig, SatelliteFaultPolicy, SiteConfig
-from integrity.events import Event
+from integrity.events import Event, RawBytes
 from integrity.gnss.gps_time import NS_PER_S, parse_utc
 from integrity.outputs import EpochReport
 from integrity.states import Cause, State
@@ -179,7 +179,7 @@ def two(pair: tuple[str, str], axis: str) -> TwoReceivers:
 
 def high_satellites(case: Case) -> list[str]:
     """Seen by all receivers in every faulty epoch, never below 20 deg."""
-    truth, start_ns = truth_of(recorded(case), site_of(case[0]), None), start_of(case)
+    truth, start_ns = truth_of([e for e in recorded(case) if not isinstance(e, RawBytes)], site_of(case[0]), None), start_of(case)
     elevations: dict[str, list[float]] = {}
     for run in runs(seen for seen in truth.rows if seen.epoch_ns >= start_ns):
         for seen, el_rad in zip(run, elevations_rad(truth, run), strict=True):
