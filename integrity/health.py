@@ -5,7 +5,8 @@ chosen by what came. Nothing else changes the state, and only one row leads to N
 
     FAILS   the epoch's verdict is not clean: publish that verdict, forget all clean epochs
     SILENT  a stream is silent: publish NOT_CONFIRMABLE/data, forget all clean epochs
-    CLEAN   a clean epoch, but not enough of them yet: keep what is published, count it
+    CLEAN   a clean epoch, but not enough of them yet: keep what is published, count it. Before the first NORMAL, data that was missing
+            and is there now leaves not_ready: how long a station waits for its receivers makes no difference
     PROVEN  a clean epoch, and enough of them (or already NORMAL): publish NORMAL
 """
 
@@ -20,13 +21,14 @@ from integrity.verdict import Verdict
 
 @dataclass(frozen=True)
 class Health:
-    """What is published, and the clean epochs counted towards NORMAL (`clean_since_ns` is GPS time)."""
+    """What is published, and the clean epochs counted towards NORMAL (`clean_since_ns` is GPS time); `started`: it has been NORMAL."""
 
     state: State = State.NOT_CONFIRMABLE
     cause: Cause = Cause.NOT_READY
     subjects: tuple[str, ...] = ()
     clean_since_ns: int | None = None
     clean_epochs: int = 0
+    started: bool = False
 
     def __post_init__(self) -> None:
         if self.state is not (State.NORMAL if self.cause is Cause.NONE else STATE_OF_CAUSE[self.cause]):
@@ -43,21 +45,22 @@ class Input(Enum):
 
 
 def _fails(now: Health, verdict: Verdict, gps_ns: int) -> Health:
-    return Health(verdict.state, verdict.cause, verdict.subjects)
+    return Health(verdict.state, verdict.cause, verdict.subjects, started=now.started)
 
 
 def _silent(now: Health, verdict: Verdict, gps_ns: int) -> Health:
-    return Health(State.NOT_CONFIRMABLE, Cause.DATA, verdict.subjects)
+    return Health(State.NOT_CONFIRMABLE, Cause.DATA, verdict.subjects, started=now.started)
 
 
 def _counts(now: Health, verdict: Verdict, gps_ns: int) -> Health:
     since_ns = gps_ns if now.clean_since_ns is None else now.clean_since_ns
-    return replace(now, clean_since_ns=since_ns, clean_epochs=now.clean_epochs + 1)
+    counted = replace(now, clean_since_ns=since_ns, clean_epochs=now.clean_epochs + 1)
+    return replace(counted, cause=Cause.NOT_READY, subjects=()) if now.cause is Cause.DATA and not now.started else counted
 
 
 def _normal(now: Health, verdict: Verdict, gps_ns: int) -> Health:
     since_ns = gps_ns if now.clean_since_ns is None else now.clean_since_ns
-    return Health(State.NORMAL, Cause.NONE, (), since_ns, now.clean_epochs + 1)
+    return Health(State.NORMAL, Cause.NONE, (), since_ns, now.clean_epochs + 1, started=True)
 
 
 TABLE: dict[Input, Callable[[Health, Verdict, int], Health]] = {

@@ -56,6 +56,7 @@ def encode_snapshot(snapshot: Snapshot, receivers: tuple[str, ...], mono_ns: int
         subjects=health.subjects,
         clean_since_ns=health.clean_since_ns,
         clean_epochs=health.clean_epochs,
+        started=health.started,
         sequence=snapshot.sequence,
         reception=[encode_reception(m) for m in snapshot.reception],
         status={receiver: encode_status(status) for receiver, status in assembler.statuses},
@@ -72,6 +73,7 @@ def decode_snapshot(message: pb.Snapshot) -> Snapshot:
             tuple(message.subjects),
             message.clean_since_ns if message.HasField("clean_since_ns") else None,
             message.clean_epochs,
+            message.started,
         )
     except (KeyError, ValueError) as error:
         raise DecodeError(f"snapshot: state {message.state} with cause {message.cause}: {error}") from None

@@ -415,7 +415,7 @@ class SiteInfo(_message.Message):
     def __init__(self, site: _Optional[str] = ..., frame: _Optional[str] = ..., frame_epoch: _Optional[float] = ..., triangle: _Optional[_Iterable[_Union[SurveyedPoint, _Mapping]]] = ..., radius_m: _Optional[float] = ..., key_id: _Optional[bytes] = ..., software: _Optional[str] = ..., config_sha256: _Optional[str] = ..., boot_id: _Optional[bytes] = ...) -> None: ...
 
 class Snapshot(_message.Message):
-    __slots__ = ["aligned_ns", "cause", "clean_epochs", "clean_since_ns", "dropped", "ephemerides", "exclusions", "heard_ns", "ionosphere", "last_clean", "last_epoch_ns", "last_rows", "mono_ns", "pending", "receiver", "reception", "refused_ephemerides", "sequence", "signal", "silence_told", "state", "status", "streams", "streams_epoch_ns", "subjects"]
+    __slots__ = ["aligned_ns", "cause", "clean_epochs", "clean_since_ns", "dropped", "ephemerides", "exclusions", "heard_ns", "ionosphere", "last_clean", "last_epoch_ns", "last_rows", "mono_ns", "pending", "receiver", "reception", "refused_ephemerides", "sequence", "signal", "silence_told", "started", "state", "status", "streams", "streams_epoch_ns", "subjects"]
     class DroppedEntry(_message.Message):
         __slots__ = ["key", "value"]
         KEY_FIELD_NUMBER: _ClassVar[int]
@@ -457,6 +457,7 @@ class Snapshot(_message.Message):
     SEQUENCE_FIELD_NUMBER: _ClassVar[int]
     SIGNAL_FIELD_NUMBER: _ClassVar[int]
     SILENCE_TOLD_FIELD_NUMBER: _ClassVar[int]
+    STARTED_FIELD_NUMBER: _ClassVar[int]
     STATE_FIELD_NUMBER: _ClassVar[int]
     STATUS_FIELD_NUMBER: _ClassVar[int]
     STREAMS_EPOCH_NS_FIELD_NUMBER: _ClassVar[int]
@@ -482,12 +483,13 @@ class Snapshot(_message.Message):
     sequence: int
     signal: _containers.RepeatedScalarFieldContainer[str]
     silence_told: bool
+    started: bool
     state: State
     status: _containers.MessageMap[str, ReceiverStatus]
     streams: _containers.RepeatedCompositeFieldContainer[StreamMemory]
     streams_epoch_ns: int
     subjects: _containers.RepeatedScalarFieldContainer[str]
-    def __init__(self, mono_ns: _Optional[int] = ..., receiver: _Optional[_Iterable[str]] = ..., signal: _Optional[_Iterable[str]] = ..., streams_epoch_ns: _Optional[int] = ..., streams: _Optional[_Iterable[_Union[StreamMemory, _Mapping]]] = ..., pending: _Optional[_Iterable[_Union[PendingEpoch, _Mapping]]] = ..., last_epoch_ns: _Optional[int] = ..., heard_ns: _Optional[_Mapping[str, int]] = ..., aligned_ns: _Optional[int] = ..., dropped: _Optional[_Mapping[str, int]] = ..., refused_ephemerides: _Optional[int] = ..., ionosphere: _Optional[_Union[Ionosphere, _Mapping]] = ..., ephemerides: _Optional[_Iterable[_Union[Ephemeris, _Mapping]]] = ..., exclusions: _Optional[_Iterable[_Union[Exclusion, _Mapping]]] = ..., state: _Optional[_Union[State, str]] = ..., cause: _Optional[_Union[Cause, str]] = ..., subjects: _Optional[_Iterable[str]] = ..., clean_since_ns: _Optional[int] = ..., clean_epochs: _Optional[int] = ..., sequence: _Optional[int] = ..., last_clean: _Optional[_Union[LastClean, _Mapping]] = ..., silence_told: bool = ..., reception: _Optional[_Iterable[_Union[ReceptionMemory, _Mapping]]] = ..., status: _Optional[_Mapping[str, ReceiverStatus]] = ..., last_rows: _Optional[_Iterable[_Union[Observations, _Mapping]]] = ...) -> None: ...
+    def __init__(self, mono_ns: _Optional[int] = ..., receiver: _Optional[_Iterable[str]] = ..., signal: _Optional[_Iterable[str]] = ..., streams_epoch_ns: _Optional[int] = ..., streams: _Optional[_Iterable[_Union[StreamMemory, _Mapping]]] = ..., pending: _Optional[_Iterable[_Union[PendingEpoch, _Mapping]]] = ..., last_epoch_ns: _Optional[int] = ..., heard_ns: _Optional[_Mapping[str, int]] = ..., aligned_ns: _Optional[int] = ..., dropped: _Optional[_Mapping[str, int]] = ..., refused_ephemerides: _Optional[int] = ..., ionosphere: _Optional[_Union[Ionosphere, _Mapping]] = ..., ephemerides: _Optional[_Iterable[_Union[Ephemeris, _Mapping]]] = ..., exclusions: _Optional[_Iterable[_Union[Exclusion, _Mapping]]] = ..., state: _Optional[_Union[State, str]] = ..., cause: _Optional[_Union[Cause, str]] = ..., subjects: _Optional[_Iterable[str]] = ..., clean_since_ns: _Optional[int] = ..., clean_epochs: _Optional[int] = ..., sequence: _Optional[int] = ..., last_clean: _Optional[_Union[LastClean, _Mapping]] = ..., silence_told: bool = ..., reception: _Optional[_Iterable[_Union[ReceptionMemory, _Mapping]]] = ..., status: _Optional[_Mapping[str, ReceiverStatus]] = ..., last_rows: _Optional[_Iterable[_Union[Observations, _Mapping]]] = ..., started: bool = ...) -> None: ...
 
 class Started(_message.Message):
     __slots__ = ["boot_id", "config_sha256", "gps_time_ns", "mono_ns", "site", "site_toml", "software"]

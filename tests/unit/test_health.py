@@ -82,13 +82,25 @@ def test_silence_is_published_at_once(now: Health) -> None:
 
 @pytest.mark.parametrize("now", PUBLISHED[1:])
 def test_a_first_clean_epoch_keeps_what_is_published(now: Health) -> None:
-    assert after_epoch(now, CLEAN, 5, LIMITS) == replace(now, clean_since_ns=5, clean_epochs=1)
+    ran = replace(now, started=True)
+    assert after_epoch(ran, CLEAN, 5, LIMITS) == replace(ran, clean_since_ns=5, clean_epochs=1)
+
+
+def test_before_the_first_normal_waiting_for_data_leaves_not_ready() -> None:
+    counting = after_epoch(after_silence(Health(), SILENCE), CLEAN, 5, LIMITS)
+    assert counting == Health(State.NOT_CONFIRMABLE, Cause.NOT_READY, (), 5, 1)
+
+
+@pytest.mark.parametrize("now", EVERY_STATE)
+def test_having_been_normal_is_never_forgotten(now: Health) -> None:
+    ran = replace(now, started=True)
+    assert after_silence(ran, SILENCE).started and all(after_epoch(ran, v, 5, LIMITS).started for v in (CLEAN, *BAD))
 
 
 @pytest.mark.parametrize("now", PUBLISHED[1:])
 def test_enough_clean_epochs_lead_to_normal(now: Health) -> None:
     ready = replace(now, clean_since_ns=0, clean_epochs=1)
-    assert after_epoch(ready, CLEAN, 30 * NS_PER_S, LIMITS) == Health(State.NORMAL, Cause.NONE, (), 0, 2)
+    assert after_epoch(ready, CLEAN, 30 * NS_PER_S, LIMITS) == Health(State.NORMAL, Cause.NONE, (), 0, 2, started=True)
 
 
 def test_normal_stays_normal_in_a_clean_epoch() -> None:
@@ -133,7 +145,7 @@ def test_silence_starts_the_time_again() -> None:
 
 
 def test_the_published_cause_stays_while_clean_epochs_are_counted() -> None:
-    passed = after([BAD[3], *[CLEAN] * 30])
+    passed = after([BAD[3], *[CLEAN] * 30], Health(started=True))
     assert {(h.state, h.cause, h.subjects) for h in passed} == {(BAD[3].state, BAD[3].cause, BAD[3].subjects)}
 
 

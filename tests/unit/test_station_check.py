@@ -9,7 +9,6 @@ from recordings.site_file import parse_site
 from station.check import CheckReport, as_json, check_site, render
 from tests.unit.sites import SITE, edited
 
-
 NTRIP = "ntrip://user:secret@caster.example:2101/MOUNT"
 
 
