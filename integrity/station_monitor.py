@@ -160,9 +160,12 @@ class StationMonitor:
 
         alone = checked(screened)
         full = alone if np.array_equal(walked.used, screened) else checked(walked.used)
-        walked, full = _leave_out_channels(sight, walked, full, checked)
+        if any(walked.channels):
+            walked, full = _leave_out_channels(sight, walked, full, checked)
         clean, clean_alone = clean_epochs(full.checks, "full"), clean_epochs(alone.checks, "triangle")
-        return _Decided(sight, memory, streams, walked, full, alone, clean, clean_alone, suspects(full.triangle, self.limits))
+        nobody = np.zeros(full.solution.why.shape, dtype=np.bool_)
+        suspected = nobody if clean.all() else suspects(full.triangle, self.limits)
+        return _Decided(sight, memory, streams, walked, full, alone, clean, clean_alone, suspected)
 
     def _walk(self, sight: Sight, on_screened: SatelliteStatistics) -> Walk:
         if self.site.integrity.rule == "triangle":
