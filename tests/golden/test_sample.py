@@ -17,7 +17,9 @@ from recordings.reader import Contents, read_recording
 from recordings.replay import decide, first_epoch_ns, replayable
 from recordings.simulate.observations import simulate
 from recordings.simulate.scenario import load_scenario
+from recordings.site_file import load_site
 from recordings.summary import decisions_sha256
+from station.check import check_site
 
 SAMPLES = Path(__file__).parents[2] / "recordings" / "samples"
 RECORDING, SCENARIO = SAMPLES / "triangle.mcap", SAMPLES / "triangle.toml"
@@ -146,3 +148,14 @@ def test_away_from_faults_and_recovery_everything_is_normal(reports: list[EpochR
 
 if __name__ == "__main__":
     GOLDEN.write_text(changes(replayed(read_recording(RECORDING))), "utf-8")
+
+
+def test_the_sample_site_can_run() -> None:
+    report = check_site(SAMPLES / "site.toml")
+    assert report.ok, report.errors
+
+
+def test_the_sample_site_is_that_of_the_scenario() -> None:
+    scenario = load_scenario(SAMPLES / "triangle.toml").site
+    site = load_site(SAMPLES / "site.toml")
+    assert (site.config, site.sources) == (scenario.config, scenario.sources)
