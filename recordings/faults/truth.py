@@ -65,7 +65,7 @@ def truth_of(events: Sequence[Heard], site: SiteConfig, snapshot: Snapshot | Non
         match event:
             case ObservationsReceived(mono_ns, row) if row.receiver in site.receiver_names:
                 epoch_ns = nominal_epoch_ns(row.receive_time_ns, site.epoch_interval_ns)
-                rows.append(RecordedRow(place, mono_ns, epoch_ns, row, len(store.ephemerides), klobuchar))
+                rows.append(RecordedRow(place, mono_ns, epoch_ns, row, len(store), klobuchar))
             case EphemerisReceived(_, ephemeris) if ephemeris.implausibility() is None:
                 store.add(ephemeris)
             case IonosphereReceived():
