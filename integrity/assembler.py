@@ -8,19 +8,30 @@ is complete. Two rows of one receiver at one time that do not say the same are t
 from collections import Counter
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
+from typing import Protocol
 
 from integrity.events import EphemerisReceived, Heard, InputLost, IonosphereReceived, ObservationsReceived, StatusReceived, Tick
 from integrity.gnss.atmosphere import Klobuchar
 from integrity.gnss.ephemeris import EphemerisStore
 from integrity.gnss.observations import ObservationRow, same_measurements
 from integrity.gnss.receiver_status import ReceiverStatus
-from integrity.limits import Limits
 
 MOST_PENDING_EPOCHS = 64  # of receivers whose times never meet
 
 UNALIGNED = "no epoch common to all receivers"
 
 Statuses = tuple[tuple[str, ReceiverStatus], ...]  # by receiver, those that have said something
+
+
+class AlignmentLimits(Protocol):
+    """How far a time tag may be from its epoch, how near two are that are the same, and how long a silence may be."""
+
+    @property
+    def alignment_tolerance_ns(self) -> int: ...  # noqa: D102
+    @property
+    def same_time_ns(self) -> int: ...  # noqa: D102
+    @property
+    def silence_ns(self) -> int: ...  # noqa: D102
 
 
 @dataclass(frozen=True)
@@ -65,7 +76,9 @@ class AssemblerState:
 class Assembler:
     """See the module. `store` is shared with the monitor, which chooses from it."""
 
-    def __init__(self, receivers: tuple[str, ...], interval_ns: int, limits: Limits, state: AssemblerState, store: EphemerisStore) -> None:
+    def __init__(
+        self, receivers: tuple[str, ...], interval_ns: int, limits: AlignmentLimits, state: AssemblerState, store: EphemerisStore
+    ) -> None:
         self._receivers, self._interval_ns, self._limits, self._store = receivers, interval_ns, limits, store
         self._pending = {epoch: {row.receiver: row for row in rows} for epoch, rows in state.pending}
         self.last_epoch_ns = state.last_epoch_ns

@@ -13,7 +13,7 @@ PROFILE = "wayside.v1"  # of the MCAP header; another one is refused
 ENCODING = "protobuf"
 RAW_ENCODING = "ubx"
 
-TOPICS: dict[str, type[Message]] = {
+STATION_TOPICS: dict[str, type[Message]] = {
     "/started": pb.Started,
     "/snapshot": pb.Snapshot,
     "/observations": pb.Observations,
@@ -25,7 +25,20 @@ TOPICS: dict[str, type[Message]] = {
     "/health": pb.Health,
     "/alert": pb.Alert,
 }
-INPUTS = ("/observations", "/ephemeris", "/ionosphere", "/tick", "/input_lost")  # and the bytes of receivers
+TRAIN_TOPICS: dict[str, type[Message]] = {
+    "/train_started": pb.TrainStarted,
+    "/tick": pb.Tick,
+    "/input_lost": pb.InputLost,
+    "/health_received": pb.HealthReceived,
+    "/challenge_sent": pb.ChallengeSent,
+    "/challenge_answered": pb.ChallengeAnswered,
+    "/position": pb.TrainPosition,
+}
+TOPICS = STATION_TOPICS | TRAIN_TOPICS
+INPUTS = (  # and the bytes of receivers
+    *("/observations", "/ephemeris", "/ionosphere", "/tick", "/input_lost"),
+    *("/health_received", "/challenge_sent", "/challenge_answered"),
+)
 TOPIC_OF = {message_type.DESCRIPTOR.full_name: topic for topic, message_type in TOPICS.items()}
 OF_RECEIVER = re.compile(r"/receiver/([^/]+)/(raw|fix)")
 

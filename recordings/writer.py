@@ -22,7 +22,17 @@ from integrity.errors import ConfigError
 from integrity.events import Event, RawBytes
 from integrity.gnss.gps_time import NS_PER_S, utc_from_gps
 from integrity.messages.inputs import encode_event
-from recordings.channels import ENCODING, PROFILE, RAW_ENCODING, TOPICS, message_type, raw_topic, receiver_topics, schema_bytes, topic_of
+from recordings.channels import (
+    ENCODING,
+    PROFILE,
+    RAW_ENCODING,
+    STATION_TOPICS,
+    message_type,
+    raw_topic,
+    receiver_topics,
+    schema_bytes,
+    topic_of,
+)
 
 CHUNK_BYTES = 256 * 1024
 SYNC_EVERY_S = 0.9  # less than a second, since seconds of recorded time do not come evenly
@@ -31,7 +41,7 @@ SYNC_EVERY_S = 0.9  # less than a second, since seconds of recorded time do not 
 class RecordingWriter:
     """`log_time` is UTC at the first event plus elapsed monotonic time: it never steps back.
 
-    The channels of `receivers` stand at the head of the file with the others; one that is not named there is added when first written to.
+    The channels of `topics` and `receivers` stand at the head of the file; one that is not named there is added when first written to.
     """
 
     def __init__(
@@ -42,6 +52,7 @@ class RecordingWriter:
         start_mono_ns: int,
         metadata: Mapping[str, Mapping[str, str]],
         receivers: Iterable[str] = (),
+        topics: Iterable[str] = STATION_TOPICS,
     ) -> None:
         self._path = path
         self.part = next(p for i in count() if not (p := path.with_name(f"{path.name}{f'.{i}' if i else ''}.part")).exists())
@@ -60,7 +71,7 @@ class RecordingWriter:
         self._writer.start(profile=PROFILE, library=software)
         self._schema_of: dict[str, int] = {}
         self._channel_of: dict[str, int] = {}
-        for topic in (*TOPICS, *receiver_topics(receivers)):
+        for topic in (*topics, *receiver_topics(receivers)):
             self._channel(topic)
         for name, values in metadata.items():
             self.add_metadata(name, values)

@@ -29,12 +29,13 @@ from integrity.station_monitor import Snapshot, StationMonitor
 from recordings.explain import changed
 from recordings.keys import load_key
 from recordings.link import open_link
+from recordings.recorder import Recorder, check_directory
 from recordings.site_file import SiteFile
 from station.host_clock import mono_now_ns, tick
 from station.inbox import Inbox
 from station.notify import notify
 from station.publisher import Publisher
-from station.recorder import Recorder, check_directory
+from station.recording import manner_of
 from station.second_look import SecondLook
 from station.sources.kinds import SILENT_AFTER_S, FileSource, Source, parse_source
 from station.sources.listener import Listener
@@ -64,7 +65,7 @@ def run_station(site: SiteFile, say: Say) -> int:
     inbox = Inbox()
     with open_link(site.publish.listen, site.publish.connect) as link:
         publisher = Publisher(link, site.config, key, boot_id, SOFTWARE)
-        recorder = Recorder(directory, site, boot_id, say)
+        recorder = Recorder(directory, manner_of(site, boot_id), say)
         listeners = [_listener(name, source, inbox, site.config.epoch_interval_ns, say) for name, source in sources.items()]
         station = Station(site, monitor, inbox, publisher, recorder, boot_id, say)
         for number in (signal.SIGTERM, signal.SIGINT):
@@ -101,7 +102,14 @@ class Station:
     """The thread that decides, and what it speaks to."""
 
     def __init__(
-        self, site: SiteFile, monitor: StationMonitor, inbox: Inbox, publisher: Publisher, recorder: Recorder, boot_id: bytes, say: Say
+        self,
+        site: SiteFile,
+        monitor: StationMonitor,
+        inbox: Inbox,
+        publisher: Publisher,
+        recorder: Recorder[Event],
+        boot_id: bytes,
+        say: Say,
     ) -> None:
         self._site = site.config
         self._monitor = monitor
@@ -181,7 +189,7 @@ class Station:
 
     def _decide(self, event: Event) -> None:
         """Decide, publish, record; the recorder is not woken before health is on the air."""
-        if self._first is None and self._recorder.wants_snapshot(event.mono_ns):
+        if self._first is None and self._recorder.wants_file(event.mono_ns):
             self._hand_over()
             self._begin(self._monitor.snapshot(), event.mono_ns)
         self._held.append(event)

@@ -30,7 +30,8 @@ def encode_output(output: Output, site: SiteConfig, software: str, boot_id: byte
 
 
 def encode_health(health: HealthReport, site: SiteConfig, software: str, boot_id: bytes = b"") -> pb.Health:
-    """Health of one epoch or heartbeat."""
+    """Health of one epoch or heartbeat. NORMAL covers what trains measured since the epoch before, which was checked too."""
+    covers_to_ns = health.gps_time_ns if health.state is State.NORMAL else None
     return pb.Health(
         site=site.site_id,
         boot_id=boot_id,
@@ -39,6 +40,8 @@ def encode_health(health: HealthReport, site: SiteConfig, software: str, boot_id
         utc_ns=None if health.gps_time_ns is None else utc_from_gps(health.gps_time_ns),
         issued_mono_ns=health.mono_ns,
         valid_for_ms=health.valid_for_ms,
+        covers_from_gps_ns=None if covers_to_ns is None else covers_to_ns - site.epoch_interval_ns + 1,
+        covers_to_gps_ns=covers_to_ns,
         state=STATES[health.state],
         cause=CAUSES[health.cause],
         subjects=health.subjects,

@@ -21,6 +21,9 @@ NOT_READY: Cause
 OUTCOME_UNSPECIFIED: Outcome
 PASS: Outcome
 POOR_GEOMETRY: Unsolved
+POSITION_PROVISIONAL: PositionStatus
+POSITION_UNKNOWN: PositionStatus
+POSITION_VALID: PositionStatus
 RECEIVER: Cause
 SATELLITE: Cause
 SATELLITE_ANOMALY: State
@@ -29,6 +32,12 @@ SOLVED: Unsolved
 SPOOFING: Cause
 STATE_UNSPECIFIED: State
 TOO_FEW_SATELLITES: Unsolved
+TRUST_NORMAL: TrustState
+TRUST_NOT_CONFIRMABLE: TrustState
+TRUST_NO_COMMS: TrustState
+TRUST_SATELLITE_ANOMALY: TrustState
+TRUST_STALE: TrustState
+TRUST_UNSPECIFIED: TrustState
 UNKNOWN: Outcome
 
 class Alert(_message.Message):
@@ -49,6 +58,40 @@ class Alert(_message.Message):
     subjects: _containers.RepeatedScalarFieldContainer[str]
     def __init__(self, gps_time_ns: _Optional[int] = ..., mono_ns: _Optional[int] = ..., before: _Optional[_Union[State, str]] = ..., state: _Optional[_Union[State, str]] = ..., cause: _Optional[_Union[Cause, str]] = ..., subjects: _Optional[_Iterable[str]] = ..., reasons: _Optional[_Iterable[str]] = ...) -> None: ...
 
+class AntennaFix(_message.Message):
+    __slots__ = ["antenna", "place", "residual", "residual_threshold", "satellites", "sigma_m", "tpdop", "why"]
+    ANTENNA_FIELD_NUMBER: _ClassVar[int]
+    PLACE_FIELD_NUMBER: _ClassVar[int]
+    RESIDUAL_FIELD_NUMBER: _ClassVar[int]
+    RESIDUAL_THRESHOLD_FIELD_NUMBER: _ClassVar[int]
+    SATELLITES_FIELD_NUMBER: _ClassVar[int]
+    SIGMA_M_FIELD_NUMBER: _ClassVar[int]
+    TPDOP_FIELD_NUMBER: _ClassVar[int]
+    WHY_FIELD_NUMBER: _ClassVar[int]
+    antenna: str
+    place: TrackPlace
+    residual: float
+    residual_threshold: float
+    satellites: int
+    sigma_m: float
+    tpdop: float
+    why: str
+    def __init__(self, antenna: _Optional[str] = ..., place: _Optional[_Union[TrackPlace, _Mapping]] = ..., sigma_m: _Optional[float] = ..., tpdop: _Optional[float] = ..., satellites: _Optional[int] = ..., residual: _Optional[float] = ..., residual_threshold: _Optional[float] = ..., why: _Optional[str] = ...) -> None: ...
+
+class ChallengeAnswered(_message.Message):
+    __slots__ = ["data", "error", "mono_ns", "nonce", "site"]
+    DATA_FIELD_NUMBER: _ClassVar[int]
+    ERROR_FIELD_NUMBER: _ClassVar[int]
+    MONO_NS_FIELD_NUMBER: _ClassVar[int]
+    NONCE_FIELD_NUMBER: _ClassVar[int]
+    SITE_FIELD_NUMBER: _ClassVar[int]
+    data: bytes
+    error: str
+    mono_ns: int
+    nonce: bytes
+    site: str
+    def __init__(self, mono_ns: _Optional[int] = ..., site: _Optional[str] = ..., nonce: _Optional[bytes] = ..., data: _Optional[bytes] = ..., error: _Optional[str] = ...) -> None: ...
+
 class ChallengeReply(_message.Message):
     __slots__ = ["boot_id", "issued_mono_ns", "nonce", "sequence"]
     BOOT_ID_FIELD_NUMBER: _ClassVar[int]
@@ -60,6 +103,16 @@ class ChallengeReply(_message.Message):
     nonce: bytes
     sequence: int
     def __init__(self, nonce: _Optional[bytes] = ..., boot_id: _Optional[bytes] = ..., issued_mono_ns: _Optional[int] = ..., sequence: _Optional[int] = ...) -> None: ...
+
+class ChallengeSent(_message.Message):
+    __slots__ = ["mono_ns", "nonce", "site"]
+    MONO_NS_FIELD_NUMBER: _ClassVar[int]
+    NONCE_FIELD_NUMBER: _ClassVar[int]
+    SITE_FIELD_NUMBER: _ClassVar[int]
+    mono_ns: int
+    nonce: bytes
+    site: str
+    def __init__(self, mono_ns: _Optional[int] = ..., site: _Optional[str] = ..., nonce: _Optional[bytes] = ...) -> None: ...
 
 class Channel(_message.Message):
     __slots__ = ["receiver", "satellite", "statistic", "threshold"]
@@ -204,10 +257,12 @@ class Exclusion(_message.Message):
     def __init__(self, satellite: _Optional[str] = ..., since_ns: _Optional[int] = ..., check: _Optional[str] = ..., statistic: _Optional[float] = ..., threshold: _Optional[float] = ..., clean_since_ns: _Optional[int] = ..., clean_epochs: _Optional[int] = ...) -> None: ...
 
 class Health(_message.Message):
-    __slots__ = ["boot_id", "cause", "config_sha256", "excluded_satellites", "gps_time_ns", "issued_mono_ns", "monitored", "not_monitored", "reasons", "sequence", "site", "software", "state", "subjects", "utc_ns", "valid_for_ms"]
+    __slots__ = ["boot_id", "cause", "config_sha256", "covers_from_gps_ns", "covers_to_gps_ns", "excluded_satellites", "gps_time_ns", "issued_mono_ns", "monitored", "not_monitored", "reasons", "sequence", "site", "software", "state", "subjects", "utc_ns", "valid_for_ms"]
     BOOT_ID_FIELD_NUMBER: _ClassVar[int]
     CAUSE_FIELD_NUMBER: _ClassVar[int]
     CONFIG_SHA256_FIELD_NUMBER: _ClassVar[int]
+    COVERS_FROM_GPS_NS_FIELD_NUMBER: _ClassVar[int]
+    COVERS_TO_GPS_NS_FIELD_NUMBER: _ClassVar[int]
     EXCLUDED_SATELLITES_FIELD_NUMBER: _ClassVar[int]
     GPS_TIME_NS_FIELD_NUMBER: _ClassVar[int]
     ISSUED_MONO_NS_FIELD_NUMBER: _ClassVar[int]
@@ -224,6 +279,8 @@ class Health(_message.Message):
     boot_id: bytes
     cause: Cause
     config_sha256: str
+    covers_from_gps_ns: int
+    covers_to_gps_ns: int
     excluded_satellites: _containers.RepeatedScalarFieldContainer[str]
     gps_time_ns: int
     issued_mono_ns: int
@@ -237,7 +294,17 @@ class Health(_message.Message):
     subjects: _containers.RepeatedScalarFieldContainer[str]
     utc_ns: int
     valid_for_ms: int
-    def __init__(self, site: _Optional[str] = ..., boot_id: _Optional[bytes] = ..., sequence: _Optional[int] = ..., gps_time_ns: _Optional[int] = ..., utc_ns: _Optional[int] = ..., issued_mono_ns: _Optional[int] = ..., valid_for_ms: _Optional[int] = ..., state: _Optional[_Union[State, str]] = ..., cause: _Optional[_Union[Cause, str]] = ..., subjects: _Optional[_Iterable[str]] = ..., reasons: _Optional[_Iterable[str]] = ..., not_monitored: _Optional[_Iterable[str]] = ..., monitored: _Optional[_Iterable[str]] = ..., excluded_satellites: _Optional[_Iterable[str]] = ..., config_sha256: _Optional[str] = ..., software: _Optional[str] = ...) -> None: ...
+    def __init__(self, site: _Optional[str] = ..., boot_id: _Optional[bytes] = ..., sequence: _Optional[int] = ..., gps_time_ns: _Optional[int] = ..., utc_ns: _Optional[int] = ..., issued_mono_ns: _Optional[int] = ..., valid_for_ms: _Optional[int] = ..., state: _Optional[_Union[State, str]] = ..., cause: _Optional[_Union[Cause, str]] = ..., subjects: _Optional[_Iterable[str]] = ..., reasons: _Optional[_Iterable[str]] = ..., not_monitored: _Optional[_Iterable[str]] = ..., monitored: _Optional[_Iterable[str]] = ..., excluded_satellites: _Optional[_Iterable[str]] = ..., covers_from_gps_ns: _Optional[int] = ..., covers_to_gps_ns: _Optional[int] = ..., config_sha256: _Optional[str] = ..., software: _Optional[str] = ...) -> None: ...
+
+class HealthReceived(_message.Message):
+    __slots__ = ["data", "key_expr", "mono_ns"]
+    DATA_FIELD_NUMBER: _ClassVar[int]
+    KEY_EXPR_FIELD_NUMBER: _ClassVar[int]
+    MONO_NS_FIELD_NUMBER: _ClassVar[int]
+    data: bytes
+    key_expr: str
+    mono_ns: int
+    def __init__(self, mono_ns: _Optional[int] = ..., key_expr: _Optional[str] = ..., data: _Optional[bytes] = ...) -> None: ...
 
 class InputLost(_message.Message):
     __slots__ = ["chunks", "mono_ns", "receiver"]
@@ -541,6 +608,106 @@ class Tick(_message.Message):
     utc_uncertainty_ns: int
     def __init__(self, mono_ns: _Optional[int] = ..., utc_ns: _Optional[int] = ..., utc_uncertainty_ns: _Optional[int] = ...) -> None: ...
 
+class TrackPlace(_message.Message):
+    __slots__ = ["edge", "offset_m"]
+    EDGE_FIELD_NUMBER: _ClassVar[int]
+    OFFSET_M_FIELD_NUMBER: _ClassVar[int]
+    edge: str
+    offset_m: float
+    def __init__(self, edge: _Optional[str] = ..., offset_m: _Optional[float] = ...) -> None: ...
+
+class TrainPosition(_message.Message):
+    __slots__ = ["antennas", "config_sha256", "distance_expected_m", "distance_m", "facing", "front", "gps_time_ns", "health_sequence", "last_confirmed", "last_confirmed_gps_ns", "map_id", "map_sha256", "map_version", "mono_ns", "rear", "reasons", "refused_messages", "sequence", "sigma_m", "site", "software", "status", "train", "trust", "unused", "valid_for_ms"]
+    ANTENNAS_FIELD_NUMBER: _ClassVar[int]
+    CONFIG_SHA256_FIELD_NUMBER: _ClassVar[int]
+    DISTANCE_EXPECTED_M_FIELD_NUMBER: _ClassVar[int]
+    DISTANCE_M_FIELD_NUMBER: _ClassVar[int]
+    FACING_FIELD_NUMBER: _ClassVar[int]
+    FRONT_FIELD_NUMBER: _ClassVar[int]
+    GPS_TIME_NS_FIELD_NUMBER: _ClassVar[int]
+    HEALTH_SEQUENCE_FIELD_NUMBER: _ClassVar[int]
+    LAST_CONFIRMED_FIELD_NUMBER: _ClassVar[int]
+    LAST_CONFIRMED_GPS_NS_FIELD_NUMBER: _ClassVar[int]
+    MAP_ID_FIELD_NUMBER: _ClassVar[int]
+    MAP_SHA256_FIELD_NUMBER: _ClassVar[int]
+    MAP_VERSION_FIELD_NUMBER: _ClassVar[int]
+    MONO_NS_FIELD_NUMBER: _ClassVar[int]
+    REAR_FIELD_NUMBER: _ClassVar[int]
+    REASONS_FIELD_NUMBER: _ClassVar[int]
+    REFUSED_MESSAGES_FIELD_NUMBER: _ClassVar[int]
+    SEQUENCE_FIELD_NUMBER: _ClassVar[int]
+    SIGMA_M_FIELD_NUMBER: _ClassVar[int]
+    SITE_FIELD_NUMBER: _ClassVar[int]
+    SOFTWARE_FIELD_NUMBER: _ClassVar[int]
+    STATUS_FIELD_NUMBER: _ClassVar[int]
+    TRAIN_FIELD_NUMBER: _ClassVar[int]
+    TRUST_FIELD_NUMBER: _ClassVar[int]
+    UNUSED_FIELD_NUMBER: _ClassVar[int]
+    VALID_FOR_MS_FIELD_NUMBER: _ClassVar[int]
+    antennas: _containers.RepeatedCompositeFieldContainer[AntennaFix]
+    config_sha256: str
+    distance_expected_m: float
+    distance_m: float
+    facing: int
+    front: TrackPlace
+    gps_time_ns: int
+    health_sequence: int
+    last_confirmed: TrackPlace
+    last_confirmed_gps_ns: int
+    map_id: str
+    map_sha256: str
+    map_version: str
+    mono_ns: int
+    rear: TrackPlace
+    reasons: _containers.RepeatedScalarFieldContainer[str]
+    refused_messages: int
+    sequence: int
+    sigma_m: float
+    site: str
+    software: str
+    status: PositionStatus
+    train: str
+    trust: TrustState
+    unused: _containers.RepeatedCompositeFieldContainer[UnusedSatellite]
+    valid_for_ms: int
+    def __init__(self, train: _Optional[str] = ..., sequence: _Optional[int] = ..., mono_ns: _Optional[int] = ..., gps_time_ns: _Optional[int] = ..., status: _Optional[_Union[PositionStatus, str]] = ..., reasons: _Optional[_Iterable[str]] = ..., front: _Optional[_Union[TrackPlace, _Mapping]] = ..., rear: _Optional[_Union[TrackPlace, _Mapping]] = ..., sigma_m: _Optional[float] = ..., facing: _Optional[int] = ..., trust: _Optional[_Union[TrustState, str]] = ..., site: _Optional[str] = ..., health_sequence: _Optional[int] = ..., valid_for_ms: _Optional[int] = ..., antennas: _Optional[_Iterable[_Union[AntennaFix, _Mapping]]] = ..., distance_m: _Optional[float] = ..., distance_expected_m: _Optional[float] = ..., unused: _Optional[_Iterable[_Union[UnusedSatellite, _Mapping]]] = ..., last_confirmed: _Optional[_Union[TrackPlace, _Mapping]] = ..., last_confirmed_gps_ns: _Optional[int] = ..., refused_messages: _Optional[int] = ..., map_id: _Optional[str] = ..., map_version: _Optional[str] = ..., map_sha256: _Optional[str] = ..., config_sha256: _Optional[str] = ..., software: _Optional[str] = ...) -> None: ...
+
+class TrainStarted(_message.Message):
+    __slots__ = ["config_sha256", "gps_time_ns", "map_json", "mono_ns", "software", "train", "train_toml", "trusted_keys"]
+    CONFIG_SHA256_FIELD_NUMBER: _ClassVar[int]
+    GPS_TIME_NS_FIELD_NUMBER: _ClassVar[int]
+    MAP_JSON_FIELD_NUMBER: _ClassVar[int]
+    MONO_NS_FIELD_NUMBER: _ClassVar[int]
+    SOFTWARE_FIELD_NUMBER: _ClassVar[int]
+    TRAIN_FIELD_NUMBER: _ClassVar[int]
+    TRAIN_TOML_FIELD_NUMBER: _ClassVar[int]
+    TRUSTED_KEYS_FIELD_NUMBER: _ClassVar[int]
+    config_sha256: str
+    gps_time_ns: int
+    map_json: str
+    mono_ns: int
+    software: str
+    train: str
+    train_toml: str
+    trusted_keys: _containers.RepeatedCompositeFieldContainer[TrustedKey]
+    def __init__(self, train: _Optional[str] = ..., software: _Optional[str] = ..., config_sha256: _Optional[str] = ..., train_toml: _Optional[str] = ..., map_json: _Optional[str] = ..., trusted_keys: _Optional[_Iterable[_Union[TrustedKey, _Mapping]]] = ..., gps_time_ns: _Optional[int] = ..., mono_ns: _Optional[int] = ...) -> None: ...
+
+class TrustedKey(_message.Message):
+    __slots__ = ["public_key", "site"]
+    PUBLIC_KEY_FIELD_NUMBER: _ClassVar[int]
+    SITE_FIELD_NUMBER: _ClassVar[int]
+    public_key: bytes
+    site: str
+    def __init__(self, site: _Optional[str] = ..., public_key: _Optional[bytes] = ...) -> None: ...
+
+class UnusedSatellite(_message.Message):
+    __slots__ = ["signal", "why"]
+    SIGNAL_FIELD_NUMBER: _ClassVar[int]
+    WHY_FIELD_NUMBER: _ClassVar[int]
+    signal: str
+    why: str
+    def __init__(self, signal: _Optional[str] = ..., why: _Optional[str] = ...) -> None: ...
+
 class Vertex(_message.Message):
     __slots__ = ["east_m", "north_m", "receiver", "satellites", "unsolved", "up_m"]
     EAST_M_FIELD_NUMBER: _ClassVar[int]
@@ -567,4 +734,10 @@ class Outcome(int, metaclass=_enum_type_wrapper.EnumTypeWrapper):
     __slots__ = []
 
 class Unsolved(int, metaclass=_enum_type_wrapper.EnumTypeWrapper):
+    __slots__ = []
+
+class TrustState(int, metaclass=_enum_type_wrapper.EnumTypeWrapper):
+    __slots__ = []
+
+class PositionStatus(int, metaclass=_enum_type_wrapper.EnumTypeWrapper):
     __slots__ = []

@@ -11,10 +11,11 @@ from integrity.station_monitor import StationMonitor
 from recordings.keys import load_key
 from recordings.link import open_link
 from recordings.reader import read_recording
+from recordings.recorder import Recorder
 from recordings.replay import decide, replayable
 from station.inbox import Inbox
 from station.publisher import Publisher
-from station.recorder import Recorder
+from station.recording import manner_of
 from station.runtime import Station
 from tests.e2e.field import make_field, measured
 from tests.unit.streams import health
@@ -29,7 +30,7 @@ def test_what_the_inbox_drops_lowers_health_and_is_recorded(tmp_path: Path) -> N
     field.records.mkdir()
     with open_link([field.endpoint], []) as link:
         publisher = Publisher(link, field.site.config, load_key(tmp_path / "keys" / "field.pem"), boot_id, SOFTWARE)
-        recorder = Recorder(field.records, field.site, boot_id, lines.append)
+        recorder = Recorder(field.records, manner_of(field.site, boot_id), lines.append)
         station = Station(field.site, StationMonitor(field.site.config), inbox, publisher, recorder, boot_id, lines.append)
         for event in measured(field.site, 2.0):
             if isinstance(event, RawBytes):

@@ -19,15 +19,16 @@ from integrity.messages.outputs import encode_output
 from integrity.messages.snapshots import encode_snapshot
 from integrity.outputs import EpochReport, Output
 from integrity.station_monitor import StationMonitor
+from recordings import recorder as module
 from recordings.diff import differences, recorded_reports
 from recordings.reader import Contents, read_recording, salvage
+from recordings.recorder import Recorder, check_directory
 from recordings.replay import complaints, decide, recover, replayable, started
 from recordings.simulate.observations import antennas_of
 from recordings.simulate.receiver import as_bytes
 from recordings.site_file import parse_site
 from recordings.summary import decisions_sha256
-from station import recorder as module
-from station.recorder import Recorder, check_directory
+from station.recording import manner_of
 from tests.unit.sites import edited
 from tests.unit.streams import new_monitor, stream
 
@@ -47,8 +48,8 @@ def said() -> list[str]:
 
 
 @pytest.fixture
-def recorder(tmp_path: Path, said: list[str]) -> Iterator[Recorder]:
-    made = Recorder(tmp_path / "rec", SITE, BOOT_ID, said.append)
+def recorder(tmp_path: Path, said: list[str]) -> Iterator[Recorder[Event]]:
+    made = Recorder(tmp_path / "rec", manner_of(SITE, BOOT_ID), said.append)
     yield made
     made.close()
 
@@ -75,14 +76,14 @@ def files(directory: Path) -> list[str]:
 # A file of its own
 
 
-def test_a_file_begins_with_who_records_and_what_is_remembered(recorder: Recorder, tmp_path: Path) -> None:
+def test_a_file_begins_with_who_records_and_what_is_remembered(recorder: Recorder[Event], tmp_path: Path) -> None:
     recorder.begin(SNAPSHOT, MONO_NS, GPS_NS)
     recorder.close()
     contents = read_recording(tmp_path / "rec" / f"{FIRST}.mcap")
     assert (complaints(contents), started(contents).boot_id, started(contents).mono_ns) == ([], BOOT_ID, MONO_NS)
 
 
-def test_bytes_are_replayed_as_they_came_and_when(recorder: Recorder, tmp_path: Path) -> None:
+def test_bytes_are_replayed_as_they_came_and_when(recorder: Recorder[Event], tmp_path: Path) -> None:
     pieces = [piece(k, MONO_NS + k * 123_456_789) for k in range(20)]
     recorder.begin(SNAPSHOT, MONO_NS, GPS_NS)
     for event in pieces:
@@ -93,13 +94,13 @@ def test_bytes_are_replayed_as_they_came_and_when(recorder: Recorder, tmp_path: 
 
 def test_a_name_that_is_taken_gets_a_number_and_nothing_is_overwritten(tmp_path: Path, said: list[str]) -> None:
     for _ in range(3):
-        one = Recorder(tmp_path, SITE, BOOT_ID, said.append)
+        one = Recorder(tmp_path, manner_of(SITE, BOOT_ID), said.append)
         one.begin(SNAPSHOT, MONO_NS, GPS_NS)
         one.close()
     assert files(tmp_path) == [f"{FIRST}-1.mcap", f"{FIRST}-2.mcap", f"{FIRST}.mcap"]
 
 
-def test_what_nothing_follows_reaches_the_disk_all_the_same(recorder: Recorder, tmp_path: Path) -> None:
+def test_what_nothing_follows_reaches_the_disk_all_the_same(recorder: Recorder[Event], tmp_path: Path) -> None:
     recorder.begin(SNAPSHOT, MONO_NS, GPS_NS)
     for k in range(5):
         recorder.event(piece(k))
@@ -122,12 +123,12 @@ def arrived() -> list[Event]:
     return sorted(found, key=lambda event: event.mono_ns)
 
 
-def recorded_live(recorder: Recorder, events: Sequence[Event]) -> list[Output]:
+def recorded_live(recorder: Recorder[Event], events: Sequence[Event]) -> list[Output]:
     """What the thread that decides does, event by event."""
     monitor, outputs = StationMonitor(SITE.config), []
     gps_ahead_ns = GPS_NS - events[0].mono_ns
     for event in events:
-        if recorder.wants_snapshot(event.mono_ns):
+        if recorder.wants_file(event.mono_ns):
             memory = encode_snapshot(monitor.snapshot(), SITE.config.receiver_names, event.mono_ns)
             recorder.begin(memory, event.mono_ns, event.mono_ns + gps_ahead_ns)
         recorder.event(event)
@@ -142,12 +143,12 @@ def reports(outputs: Sequence[Output]) -> list[EpochReport]:
     return [o for o in outputs if isinstance(o, EpochReport)]
 
 
-def test_a_file_ends_with_the_hour(recorder: Recorder, arrived: list[Event], tmp_path: Path) -> None:
+def test_a_file_ends_with_the_hour(recorder: Recorder[Event], arrived: list[Event], tmp_path: Path) -> None:
     recorded_live(recorder, arrived)
     assert files(tmp_path / "rec") == [f"{FIRST}.mcap", f"{SECOND}.mcap"]
 
 
-def test_each_hour_alone_is_decided_as_it_was_in_the_row(recorder: Recorder, arrived: list[Event], tmp_path: Path) -> None:
+def test_each_hour_alone_is_decided_as_it_was_in_the_row(recorder: Recorder[Event], arrived: list[Event], tmp_path: Path) -> None:
     live = reports(recorded_live(recorder, arrived))
     assert len(live) == 20
     again = []
@@ -160,7 +161,9 @@ def test_each_hour_alone_is_decided_as_it_was_in_the_row(recorder: Recorder, arr
     assert decisions_sha256(again) == decisions_sha256(live)
 
 
-def test_outputs_stand_after_what_was_decided_on_and_with_their_fixes(recorder: Recorder, arrived: list[Event], tmp_path: Path) -> None:
+def test_outputs_stand_after_what_was_decided_on_and_with_their_fixes(
+    recorder: Recorder[Event], arrived: list[Event], tmp_path: Path
+) -> None:
     recorded_live(recorder, arrived[:54])  # nine seconds
     topics = [e.topic for e in read_recording(tmp_path / "rec" / f"{FIRST}.mcap").entries]
     last = len(topics) - topics[::-1].index("/epoch") - 1
@@ -177,10 +180,11 @@ from pathlib import Path
 from integrity.events import RawBytes
 from integrity.messages.wayside_pb2 import Snapshot
 from recordings.site_file import parse_site
-from station.recorder import Recorder
+from recordings.recorder import Recorder
+from station.recording import manner_of
 from tests.unit.sites import SITE
 
-recorder = Recorder(Path(sys.argv[1]), parse_site(SITE, "site.toml"), bytes(16), print)
+recorder = Recorder(Path(sys.argv[1]), manner_of(parse_site(SITE, "site.toml"), bytes(16)), print)
 recorder.begin(Snapshot(), time.monotonic_ns(), 1_456_459_190_000_000_000)
 number = 0
 while True:
@@ -243,13 +247,13 @@ t.module.RETRY_AFTER_S = 0.2
 signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
 _, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
 resource.setrlimit(resource.RLIMIT_FSIZE, (100_000, hard))
-recorder = t.Recorder(Path(sys.argv[1]), t.SITE, t.BOOT_ID, lambda line: print("said", line, flush=True))
+recorder = t.Recorder(Path(sys.argv[1]), t.manner_of(t.SITE, t.BOOT_ID), lambda line: print("said", line, flush=True))
 random, slowest, began = t.random.Random(3), 0.0, time.monotonic()
 for number in range(400):
     if number == 240:
         resource.setrlimit(resource.RLIMIT_FSIZE, (hard, hard))
     now_ns = time.monotonic_ns()
-    if recorder.wants_snapshot(now_ns):
+    if recorder.wants_file(now_ns):
         recorder.begin(t.SNAPSHOT, now_ns, t.GPS_NS)
     event = t.RawBytes(now_ns, "A", number.to_bytes(8, "big") + random.randbytes(3000))
     before = time.monotonic()
@@ -316,7 +320,7 @@ def test_a_directory_is_made_and_left_empty(tmp_path: Path) -> None:
 
 
 def test_a_directory_that_goes_while_it_records_is_noticed_and_used_again(
-    recorder: Recorder, said: list[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    recorder: Recorder[Event], said: list[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(module, "RETRY_AFTER_S", 0.1)
     recorder.begin(SNAPSHOT, MONO_NS, GPS_NS)
@@ -326,9 +330,9 @@ def test_a_directory_that_goes_while_it_records_is_noticed_and_used_again(
     (tmp_path / "rec").write_text("in the way")
     until(lambda: recorder.file is None)
     for _ in range(3):  # tried in vain
-        until(lambda: recorder.wants_snapshot(MONO_NS))
+        until(lambda: recorder.wants_file(MONO_NS))
         recorder.begin(SNAPSHOT, MONO_NS, GPS_NS)
-    until(lambda: recorder.wants_snapshot(MONO_NS))
+    until(lambda: recorder.wants_file(MONO_NS))
     (tmp_path / "rec").unlink()
     recorder.begin(SNAPSHOT, MONO_NS, GPS_NS)
     recorder.event(piece(1))
@@ -338,25 +342,25 @@ def test_a_directory_that_goes_while_it_records_is_noticed_and_used_again(
     assert [" recording stops" in line for line in said] == [True, False]
 
 
-def test_a_failed_disk_is_left_alone_for_a_while(recorder: Recorder, tmp_path: Path) -> None:
+def test_a_failed_disk_is_left_alone_for_a_while(recorder: Recorder[Event], tmp_path: Path) -> None:
     (tmp_path / "rec").write_text("in the way")
     recorder.begin(SNAPSHOT, MONO_NS, GPS_NS)
     time.sleep(0.5)
-    assert not recorder.wants_snapshot(MONO_NS)
+    assert not recorder.wants_file(MONO_NS)
 
 
 # The queue
 
 
 @pytest.fixture
-def overflowed(recorder: Recorder, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> tuple[Recorder, Path]:
+def overflowed(recorder: Recorder[Event], tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> tuple[Recorder[Event], Path]:
     """Eight large pieces at once, of which the queue takes two; two more when there is room again."""
     monkeypatch.setattr(module, "MOST_BYTES", 16_000_000)
     recorder.begin(SNAPSHOT, MONO_NS, GPS_NS)
     until(lambda: recorder.file is not None)
     for k in range(8):
         recorder.event(piece(k, size=8_000_000))
-    until(lambda: recorder.wants_snapshot(MONO_NS))
+    until(lambda: recorder.wants_file(MONO_NS))
     recorder.begin(SNAPSHOT, MONO_NS, GPS_NS)
     for k in (8, 9):
         recorder.event(piece(k))
@@ -364,7 +368,7 @@ def overflowed(recorder: Recorder, tmp_path: Path, monkeypatch: pytest.MonkeyPat
     return recorder, tmp_path / "rec"
 
 
-def test_what_the_queue_did_not_take_ends_the_file_that_says_how_much_is_missing(overflowed: tuple[Recorder, Path]) -> None:
+def test_what_the_queue_did_not_take_ends_the_file_that_says_how_much_is_missing(overflowed: tuple[Recorder[Event], Path]) -> None:
     recorder, directory = overflowed
     contents = read_recording(directory / f"{FIRST}.mcap")
     kept = numbers(contents)
@@ -373,16 +377,16 @@ def test_what_the_queue_did_not_take_ends_the_file_that_says_how_much_is_missing
     assert recorder.lost == 8 - len(kept) > 0
 
 
-def test_after_a_gap_a_new_file_begins_with_a_snapshot(overflowed: tuple[Recorder, Path]) -> None:
+def test_after_a_gap_a_new_file_begins_with_a_snapshot(overflowed: tuple[Recorder[Event], Path]) -> None:
     contents = read_recording(overflowed[1] / f"{FIRST}-1.mcap")
     assert complaints(contents) == []
     assert numbers(contents) == [8, 9]
 
 
-def test_a_gap_is_said_once_and_so_is_its_end(overflowed: tuple[Recorder, Path], said: list[str]) -> None:
+def test_a_gap_is_said_once_and_so_is_its_end(overflowed: tuple[Recorder[Event], Path], said: list[str]) -> None:
     assert [("too slow" in line, "recording again" in line) for line in said] == [(True, False), (False, True)]
 
 
-def test_what_is_on_the_disk_is_counted(overflowed: tuple[Recorder, Path]) -> None:
+def test_what_is_on_the_disk_is_counted(overflowed: tuple[Recorder[Event], Path]) -> None:
     recorder, directory = overflowed
     assert recorder.bytes_written == sum(path.stat().st_size for path in directory.iterdir())

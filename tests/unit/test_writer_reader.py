@@ -30,7 +30,7 @@ from integrity.messages.location_fix_pb2 import LocationFix
 from integrity.messages.outputs import encode_output
 from integrity.messages.snapshots import decode_snapshot, encode_snapshot
 from integrity.station_monitor import StationMonitor
-from recordings.channels import ENCODING, PROFILE, TOPICS, is_input, schema_bytes, topic_of
+from recordings.channels import ENCODING, PROFILE, STATION_TOPICS, is_input, schema_bytes, topic_of
 from recordings.reader import Contents, Entry, read_recording, salvage
 from recordings.replay import decide_and_record
 from recordings.site_file import parse_site
@@ -123,7 +123,7 @@ def spoiled(path: Path, target: Path, place: int, change: Callable[[int], int]) 
 
 
 def test_there_is_a_message_of_every_topic_in_the_round_trip() -> None:
-    assert {topic_of(message) for message, _ in messages()} == set(TOPICS)
+    assert {topic_of(message) for message, _ in messages()} == set(STATION_TOPICS)
 
 
 def test_every_message_is_read_as_it_was_written(tmp_path: Path) -> None:

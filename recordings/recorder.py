@@ -1,9 +1,10 @@
-"""Records a running station: a thread of its own behind a bounded queue. Who decides never waits for the disk.
+"""Records a running program that decides: a thread of its own behind a bounded queue. Who decides never waits for the disk.
 
 Theory of operation. The deciding thread hands over what it decides on (`event`) and what came out (`output`). The recording thread turns
-it into files, one per hour of UTC, each beginning with a snapshot of the monitor, so that it can be decided alone. A snapshot can only be
-taken between two decisions; so the deciding thread asks `wants_snapshot` before each, and answers with `begin`: a new file, a new
-generation. Each variable is written by one of the two threads only, so that none of them ever waits for a lock.
+it into files, which begin with what the `Manner` puts at their head and, where there is one, a snapshot of the whole memory, so that a
+file can be decided alone. A snapshot can only be taken between two decisions; so the deciding thread asks `wants_file` before each (each
+hour of UTC, and after trouble), and answers with `begin`: a new file, a new generation. Each variable is written by one of the two
+threads only, so that none of them ever waits for a lock.
 
 A file never hides a gap. Where something could not be taken (the queue is full) or not be written (the disk is full, the directory is
 gone), its generation is over; whatever comes then is counted as lost, until the next `begin`.
@@ -12,24 +13,20 @@ gone), its generation is over; whatever comes then is counted as lost, until the
 import errno
 import os
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
 from itertools import count
 from pathlib import Path
 from queue import Empty, SimpleQueue
 from threading import Thread
-from typing import NamedTuple
+from typing import Generic, NamedTuple, Protocol, TypeVar
 
 from google.protobuf.message import Message
 
 from integrity import SOFTWARE
 from integrity.errors import ConfigError
-from integrity.events import Event, RawBytes
+from integrity.events import RawBytes
 from integrity.gnss.gps_time import NS_PER_S, format_calendar, utc_from_gps
-from integrity.messages import wayside_pb2 as pb
-from integrity.messages.fixes import location_fixes
-from integrity.triangle import reference_triangle
-from recordings.replay import head
-from recordings.site_file import SiteFile
 from recordings.writer import RecordingWriter
 
 MOST_ENTRIES = 20_000  # waiting: some four minutes of three receivers at 10 Hz
@@ -42,11 +39,34 @@ HOUR_NS = 3600 * NS_PER_S
 NO_ROOM = {errno.ENOSPC, errno.EDQUOT, errno.EFBIG}
 
 
+class Timed(Protocol):
+    """An event: it came at a time of the monotonic clock."""
+
+    @property
+    def mono_ns(self) -> int: ...  # noqa: D102
+
+
+T = TypeVar("T", bound=Timed)
+
+
+@dataclass(frozen=True)
+class Manner(Generic[T]):
+    """How one program records: the name that its files begin with, their topics, the receivers that have topics of their own; the head
+    of a file that begins at a GPS and a monotonic time; the message of an event that is no RawBytes; what is written after an output."""
+
+    name: str
+    topics: Iterable[str]
+    receivers: Iterable[str]
+    head: Callable[[int, int], Message]
+    encode: Callable[[T], Message]
+    after: Callable[[Message], Iterable[Message]]
+
+
 class _Begin(NamedTuple):
     """A new file; `dropped` entries were not taken between the last one and this."""
 
     generation: int
-    snapshot: pb.Snapshot
+    snapshot: Message | None
     mono_ns: int
     gps_ns: int
     dropped: int
@@ -54,9 +74,6 @@ class _Begin(NamedTuple):
 
 class _Close(NamedTuple):
     dropped: int
-
-
-Item = Event | Message | _Begin | _Close
 
 
 def check_directory(directory: Path) -> None:
@@ -69,18 +86,18 @@ def check_directory(directory: Path) -> None:
     except OSError as error:
         raise ConfigError(
             f"[record] directory {directory}: cannot be written to ({error.strerror}); give a directory that belongs to the user "
-            "that the station runs as, on a disk with room"
+            "that this program runs as, on a disk with room"
         ) from None
 
 
-class Recorder:
+class Recorder(Generic[T]):
     """All methods are for one thread, the one that decides. `say` is told, once each, that recording stops and that it goes on."""
 
-    def __init__(self, directory: Path, site: SiteFile, boot_id: bytes, say: Callable[[str], None]) -> None:
+    def __init__(self, directory: Path, manner: Manner[T], say: Callable[[str], None]) -> None:
         self._directory = directory
         self._say = say
-        self._queue: SimpleQueue[tuple[int, Item]] = SimpleQueue()
-        self._files = _Files(directory, site, boot_id, say)
+        self._queue: SimpleQueue[tuple[int, T | Message | _Begin | _Close]] = SimpleQueue()
+        self._files = _Files(directory, manner, say)
         self._generation = 0
         self._offset_ns = 0
         self._hour = 0
@@ -92,7 +109,7 @@ class Recorder:
         self._thread = Thread(target=self._run, name="recorder", daemon=True)
         self._thread.start()
 
-    def wants_snapshot(self, mono_ns: int) -> bool:
+    def wants_file(self, mono_ns: int) -> bool:
         """Whether a new file should begin before an event of that monotonic time is handed over."""
         if self._files.failed_generation == self._generation:
             return time.monotonic() >= self._files.retry_s
@@ -100,16 +117,16 @@ class Recorder:
             return self._queue.qsize() <= MOST_ENTRIES // 2 and self._put_bytes - self._taken_bytes <= MOST_BYTES // 2
         return (mono_ns + self._offset_ns) // HOUR_NS != self._hour
 
-    def begin(self, snapshot: pb.Snapshot, mono_ns: int, gps_ns: int) -> None:
+    def begin(self, snapshot: Message | None, mono_ns: int, gps_ns: int) -> None:
         """A new file. `mono_ns` is of the next event, `gps_ns` the GPS time at that moment: log times are counted from there."""
         self._generation += 1
         self._offset_ns = utc_from_gps(gps_ns) - mono_ns
         self._hour = utc_from_gps(gps_ns) // HOUR_NS
         self._overflowed = False
         dropped, self._dropped_before = self._dropped - self._dropped_before, self._dropped
-        self._put(_Begin(self._generation, snapshot, mono_ns, gps_ns, dropped), snapshot.ByteSize())
+        self._put(_Begin(self._generation, snapshot, mono_ns, gps_ns, dropped), 0 if snapshot is None else snapshot.ByteSize())
 
-    def event(self, event: Event) -> None:
+    def event(self, event: T) -> None:
         """Record what is about to be decided on."""
         self._take(event, EVENT_BYTES + (len(event.data) if isinstance(event, RawBytes) else 0))
 
@@ -139,7 +156,7 @@ class Recorder:
         """What the file that grows now will be called; None while nothing is recorded."""
         return self._files.path
 
-    def _take(self, item: Event | Message, size: int) -> None:
+    def _take(self, item: T | Message, size: int) -> None:
         if self._overflowed or self._files.failed_generation == self._generation:
             self._dropped += 1
         elif self._queue.qsize() >= MOST_ENTRIES or self._put_bytes - self._taken_bytes >= MOST_BYTES:
@@ -152,12 +169,12 @@ class Recorder:
         else:
             self._put(item, size)
 
-    def _put(self, item: Item, size: int) -> None:
+    def _put(self, item: T | Message | _Begin | _Close, size: int) -> None:
         self._put_bytes += size
         self._queue.put((size, item))
 
     def _run(self) -> None:
-        item: Item | None = None
+        item: T | Message | _Begin | _Close | None = None
         while not isinstance(item, _Close):
             try:
                 size, item = self._queue.get(timeout=self._files.seconds_to_flush())
@@ -167,14 +184,12 @@ class Recorder:
             self._taken_bytes += size
 
 
-class _Files:
+class _Files(Generic[T]):
     """One file after the other; for the recording thread alone, but for the attributes without underscore, which anyone may read."""
 
-    def __init__(self, directory: Path, site: SiteFile, boot_id: bytes, say: Callable[[str], None]) -> None:
+    def __init__(self, directory: Path, manner: Manner[T], say: Callable[[str], None]) -> None:
         self._directory = directory
-        self._site = site
-        self._triangle = reference_triangle(site.config)
-        self._boot_id = boot_id
+        self._manner = manner
         self._say = say
         self._writer: RecordingWriter | None = None
         self._generation = 0
@@ -194,7 +209,7 @@ class _Files:
             return None
         return max(0.0, self._writer.unflushed_since_s + FLUSH_AFTER_S - time.monotonic())
 
-    def take(self, item: Item | None) -> None:
+    def take(self, item: T | Message | _Begin | _Close | None) -> None:
         """Write what came, if anything. Whatever goes wrong ends the file in hand, never the thread."""
         try:
             match item:
@@ -218,26 +233,29 @@ class _Files:
         if writer.synced_bytes > self._head_bytes:
             self._goes_on()
 
-    def _write(self, item: Event | Message) -> None:
+    def _write(self, item: T | Message) -> None:
         if self._writer is None:
             self._lose(1)
-        elif not isinstance(item, Message):
-            self._writer.write_event(item)
-        else:
+        elif isinstance(item, Message):
             self._writer.write_output(item)
-            if isinstance(item, pb.EpochReport):
-                for fix in location_fixes([item], self._triangle, self._site.config.site_id)[0]:
-                    self._writer.write_output(fix)
+            for message in self._manner.after(item):
+                self._writer.write_output(message)
+        elif isinstance(item, RawBytes):
+            self._writer.write_raw(item.receiver, item.data, item.mono_ns)
+        else:
+            self._writer.write(self._manner.encode(item), item.mono_ns)
 
     def _begin(self, begin: _Begin) -> None:
         self._generation = begin.generation
         self._finish(begin.dropped)
         self._missing += begin.dropped
         self._directory.mkdir(parents=True, exist_ok=True)
-        path = _unused(self._directory, self._site.config.site_id, utc_from_gps(begin.gps_ns))
-        self._writer = RecordingWriter(path, SOFTWARE, begin.gps_ns, begin.mono_ns, {}, self._site.config.receiver_names)
-        self._writer.write(head(self._site, begin.gps_ns, begin.mono_ns, self._boot_id), begin.mono_ns)
-        self._writer.write(begin.snapshot, begin.mono_ns)
+        manner = self._manner
+        path = _unused(self._directory, manner.name, utc_from_gps(begin.gps_ns))
+        self._writer = RecordingWriter(path, SOFTWARE, begin.gps_ns, begin.mono_ns, {}, manner.receivers, manner.topics)
+        self._writer.write(manner.head(begin.gps_ns, begin.mono_ns), begin.mono_ns)
+        if begin.snapshot is not None:
+            self._writer.write(begin.snapshot, begin.mono_ns)
         self._writer.flush()
         self._head_bytes = self._writer.synced_bytes
         self.path = path
@@ -277,11 +295,11 @@ class _Files:
             )
 
 
-def _unused(directory: Path, site_id: str, utc_ns: int) -> Path:
+def _unused(directory: Path, name: str, utc_ns: int) -> Path:
     """The name of a file that begins at a time of the Unix scale, with a number where there is one already, complete or not."""
     stamp = format_calendar(utc_ns - utc_ns % NS_PER_S).replace("-", "").replace(":", "")
     for n in count():
-        path = directory / f"{site_id}-{stamp}Z{f'-{n}' if n else ''}.mcap"
+        path = directory / f"{name}-{stamp}Z{f'-{n}' if n else ''}.mcap"
         if not path.exists() and not path.with_name(f"{path.name}.part").exists():
             return path
     raise AssertionError("count() does not end")

@@ -1,0 +1,179 @@
+"""A train file: read whole, refused with everything that is wrong at once. Relative paths in it count from where it lies."""
+
+import hashlib
+import json
+from collections import Counter
+from dataclasses import asdict, dataclass, replace
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+from pydantic import Field
+
+from integrity.gnss.gps_time import NS_PER_S
+from recordings.site_schema import Endpoints, Name, OptionalText, Section, Sigma, Text, read_section, source_problem
+from recordings.toml_file import ConfigProblems, Problem, TomlDocument, did_you_mean, parse_toml, read_toml
+from train_client.config import AntennaConfig, TrainConfig
+from train_client.trust import TrustLimits
+
+FACING = {"increasing": 1, "decreasing": -1, "either": 0}
+Metres = Annotated[float, Field(ge=-1000, le=1000, description="metres, from -1000 to 1000")]
+
+
+class TrainSection(Section):
+    """`[train]`: the train, its map, and the pace of its receivers.
+
+    `facing`: where the front end points on the map, where that is known; otherwise the antennas tell.
+    """
+
+    id: Name
+    length_m: Annotated[float, Field(gt=0, le=2000, description="metres, above 0 and at most 2000")]
+    map: OptionalText = None
+    facing: Literal["increasing", "decreasing", "either"] = "either"
+    epoch_interval_s: Annotated[float, Field(ge=0.05, le=10, description="seconds, from 0.05 to 10")] = 1.0
+    max_speed_mps: Annotated[float, Field(gt=0, le=200, description="metres per second, above 0 and at most 200")] = 100.0
+    sigma_range_m: Sigma = 1.0  # own choice: twice what a good receiver has on open line; measure it on yours
+    sigma_range_low_m: Sigma = 0.5
+
+
+class AntennaSection(Section):
+    """`[[antenna]]`: where an antenna is mounted and where its receiver's bytes come from."""
+
+    id: Name
+    source: OptionalText = None
+    x_m: Metres
+    y_m: Metres = 0.0
+    height_m: Annotated[float, Field(ge=0, le=10, description="metres above railhead, from 0 to 10")]
+    receiver: OptionalText = None
+    model: OptionalText = None
+    clock: Text = "own"
+    oscillator: Annotated[float, Field(gt=0, le=1e-3, description="a relative frequency, above 0 and at most 0.001")] = 1e-6
+
+
+class TrustSection(Section):
+    """`[trust]`: whom to believe, how often before GNSS is trusted again, and for how long at most."""
+
+    stations: Annotated[tuple[Name, ...], Field(strict=False, description='a list of site ids, such as ["kokubunji-1"]')]
+    public_keys: Text = "keys/trusted.toml"
+    recover_messages: Annotated[int, Field(ge=1, le=100_000, description="a whole number from 1 to 100000")] = 10
+    max_valid_ms: Annotated[int, Field(ge=100, le=60_000, description="whole milliseconds, from 100 to 60000")] = 3000
+    no_comms_after_s: Annotated[float, Field(ge=0, le=600, description="seconds, from 0 to 600")] = 2.0
+
+
+class PublishSection(Section):
+    """`[publish]`: Zenoh endpoints of stations or routers, the first that is there."""
+
+    connect: Endpoints = ("tcp/127.0.0.1:7447",)
+
+
+class RecordSection(Section):
+    """`[record]`: where recordings are kept."""
+
+    directory: Text = "train-recordings"
+
+
+SECTIONS: dict[str, type[Section]] = {"train": TrainSection, "trust": TrustSection, "publish": PublishSection, "record": RecordSection}
+
+
+@dataclass(frozen=True)
+class TrainFile:
+    """A train file that can be used. `text` is its TOML as read; paths are resolved."""
+
+    file: str
+    text: str
+    config: TrainConfig
+    sources: dict[str, str | None]
+    map_path: Path | None
+    keys_path: Path
+    connect: tuple[str, ...]
+    directory: Path
+
+
+def load_train(path: Path) -> TrainFile:
+    """Read a train file; ConfigProblems with every error."""
+    return resolve_train(read_toml(path), path.parent)
+
+
+def parse_train(text: str, file: str) -> TrainFile:
+    """The same for text that is not in a file of its own; `file` is the name that problems carry."""
+    return resolve_train(parse_toml(text, file), Path())
+
+
+def resolve_train(document: TomlDocument, folder: Path) -> TrainFile:
+    """The train that a parsed file describes."""
+    train, problems = read_section(document, ("train",), TrainSection)
+    trust, found = read_section(document, ("trust",), TrustSection)
+    publish, more = read_section(document, ("publish",), PublishSection)
+    record, rest = read_section(document, ("record",), RecordSection)
+    antennas, of_antennas = _antennas(document)
+    problems += [*found, *more, *rest, *of_antennas]
+    known = (*SECTIONS, "antenna")
+    problems += [
+        document.problem((key,), "no such key" + (did_you_mean(key, known) or f": expected one of {', '.join(known)}"))
+        for key in document.values
+        if key not in known
+    ]
+    if not found and len(trust.stations) != 1:
+        problems.append(
+            document.problem(("trust", "stations"), "expected exactly one station: several are not weighed against each other yet")
+        )
+    if problems:
+        raise ConfigProblems(problems)
+    return TrainFile(
+        file=document.file,
+        text=document.text,
+        config=_config(train, antennas, trust),
+        sources={antenna.id: antenna.source for antenna in antennas},
+        map_path=None if train.map is None else folder / train.map,
+        keys_path=folder / trust.public_keys,
+        connect=publish.connect,
+        directory=folder / record.directory,
+    )
+
+
+def _antennas(document: TomlDocument) -> tuple[list[AntennaSection], list[Problem]]:
+    tables = document.values.get("antenna", [])
+    if not isinstance(tables, list) or not tables or not all(isinstance(table, dict) for table in tables):
+        return [], [document.problem(("antenna",), "expected one table [[antenna]] or more, each with id, source, x_m and height_m")]
+    antennas, problems = [], []
+    for index, table in enumerate(tables):
+        at = ("antenna", str(index))
+        antenna, found = _read_antenna(document, at, table)
+        antennas.append(antenna)
+        problems += found
+        wrong = source_problem(antenna.source) if antenna.source and not found else None
+        if wrong:
+            problems.append(document.problem((*at, "source"), wrong))
+    for name, count in Counter(antenna.id for antenna in antennas).items():
+        if count > 1 and name:
+            problems.append(document.problem(("antenna",), f"{count} antennas are called {name!r}: give each a name of its own"))
+    places = Counter(antenna.x_m for antenna in antennas)
+    if not problems and len(places) < len(antennas):
+        problems.append(document.problem(("antenna",), "two antennas at one x_m: the distance between them would tell nothing"))
+    return antennas, problems
+
+
+def _read_antenna(document: TomlDocument, at: tuple[str, str], table: dict[str, Any]) -> tuple[AntennaSection, list[Problem]]:
+    """`read_section` looks tables up by name; those of an array have a number."""
+    inner = TomlDocument(document.file, document.text, {at[0]: {at[1]: table}}, document.lines)
+    return read_section(inner, at, AntennaSection)
+
+
+def _config(train: TrainSection, antennas: list[AntennaSection], trust: TrustSection) -> TrainConfig:
+    config = TrainConfig(
+        train_id=train.id,
+        length_m=train.length_m,
+        antennas=tuple(AntennaConfig(a.id, a.x_m, a.y_m, a.height_m) for a in antennas),
+        epoch_interval_ns=round(train.epoch_interval_s * NS_PER_S),
+        facing=FACING[train.facing],
+        most_speed_mps=train.max_speed_mps,
+        sigma_range_m=train.sigma_range_m,
+        sigma_range_low_m=train.sigma_range_low_m,
+        station=trust.stations[0],
+        max_valid_ms=trust.max_valid_ms,
+        trust=TrustLimits(trust.recover_messages, round(trust.no_comms_after_s * NS_PER_S)),
+        config_sha256="",
+    )
+    content = asdict(config)
+    del content["config_sha256"]
+    digest = hashlib.sha256(json.dumps(content, sort_keys=True, separators=(",", ":"), allow_nan=False).encode()).hexdigest()
+    return replace(config, config_sha256=digest)
