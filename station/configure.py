@@ -18,8 +18,8 @@ from integrity.errors import ConfigError, LinkError
 from integrity.gnss.gps_time import NS_PER_S
 from integrity.gnss.ubx.framing import Frame, Framer
 from recordings.site_file import SiteFile
-from station.sources.kinds import Source, parse_source
-from station.sources.links import Link, Wake
+from recordings.sources.kinds import Source, parse_source
+from recordings.sources.links import Link, Wake
 
 ACK_NAK, ACK_ACK = (0x05, 0x00), (0x05, 0x01)
 CFG_VALSET, CFG_VALGET = (0x06, 0x8A), (0x06, 0x8B)

@@ -31,14 +31,14 @@ from recordings.keys import load_key
 from recordings.link import open_link
 from recordings.recorder import Recorder, check_directory
 from recordings.site_file import SiteFile
-from station.host_clock import mono_now_ns, tick
-from station.inbox import Inbox
+from recordings.sources.host_clock import mono_now_ns, tick
+from recordings.sources.inbox import Inbox
+from recordings.sources.kinds import SILENT_AFTER_S, FileSource, Source, parse_source
+from recordings.sources.listener import Listener
 from station.notify import notify
 from station.publisher import Publisher
 from station.recording import manner_of
 from station.second_look import SecondLook
-from station.sources.kinds import SILENT_AFTER_S, FileSource, Source, parse_source
-from station.sources.listener import Listener
 
 TICK_NS = NS_PER_S
 LOOK_AHEAD_NS = NS_PER_S // 50  # before an epoch is due: then there is time, and the processor is still warm when it comes
@@ -62,7 +62,7 @@ def run_station(site: SiteFile, say: Say) -> int:
     check_directory(directory)
     boot_id = os.urandom(16)
     monitor = StationMonitor(site.config)
-    inbox = Inbox()
+    inbox = Inbox[RawBytes]()
     with open_link(site.publish.listen, site.publish.connect) as link:
         publisher = Publisher(link, site.config, key, boot_id, SOFTWARE)
         recorder = Recorder(directory, manner_of(site, boot_id), say)
@@ -92,7 +92,7 @@ def _at_home(source: Source, folder: Path) -> Source:
     return replace(source, path=str(folder / source.path)) if isinstance(source, FileSource) else source
 
 
-def _listener(receiver: str, source: Source, inbox: Inbox, interval_ns: int, say: Say) -> Listener:
+def _listener(receiver: str, source: Source, inbox: Inbox[RawBytes], interval_ns: int, say: Say) -> Listener:
     put = inbox.put_of_file if isinstance(source, FileSource) else inbox.put
     silent_after_s = max(SILENT_AFTER_S, 3 * interval_ns / NS_PER_S)
     return Listener(receiver, source, put, lambda name, line: say(f"{name}: {line}"), silent_after_s=silent_after_s)
@@ -105,7 +105,7 @@ class Station:
         self,
         site: SiteFile,
         monitor: StationMonitor,
-        inbox: Inbox,
+        inbox: Inbox[RawBytes],
         publisher: Publisher,
         recorder: Recorder[Event],
         boot_id: bytes,

@@ -13,7 +13,7 @@ from recordings.link import open_link
 from recordings.reader import read_recording
 from recordings.recorder import Recorder
 from recordings.replay import decide, replayable
-from station.inbox import Inbox
+from recordings.sources.inbox import Inbox
 from station.publisher import Publisher
 from station.recording import manner_of
 from station.runtime import Station
@@ -26,7 +26,7 @@ NOBODY = {name: f"tcp://127.0.0.1:{port}" for port, name in enumerate("ABC", sta
 def test_what_the_inbox_drops_lowers_health_and_is_recorded(tmp_path: Path) -> None:
     field = make_field(tmp_path, NOBODY)
     lines: list[str] = []
-    inbox, boot_id = Inbox(most_pieces=3), os.urandom(16)
+    inbox, boot_id = Inbox[RawBytes](most_pieces=3), os.urandom(16)
     field.records.mkdir()
     with open_link([field.endpoint], []) as link:
         publisher = Publisher(link, field.site.config, load_key(tmp_path / "keys" / "field.pem"), boot_id, SOFTWARE)

@@ -15,9 +15,9 @@ from pathlib import Path
 import pytest
 
 from integrity.errors import ConfigError, LinkError
-from station.sources.kinds import FileSource, SerialSource, TcpSource, UdpSource, parse_source
-from station.sources.links import Wake
-from station.sources.listener import Listener
+from recordings.sources.kinds import FileSource, SerialSource, TcpSource, UdpSource, parse_source
+from recordings.sources.links import Wake
+from recordings.sources.listener import Listener
 
 PATIENCE_S = 5.0
 STOP_S = 0.5

@@ -5,7 +5,7 @@ import time
 import pytest
 
 from integrity.config import HostClock
-from station.host_clock import mono_now_ns, tick
+from recordings.sources.host_clock import mono_now_ns, tick
 
 
 def test_a_tick_has_the_time_of_its_moment() -> None:

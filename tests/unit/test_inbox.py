@@ -3,32 +3,33 @@
 import threading
 import time
 
-from station.inbox import FILE_PIECE_BYTES, FILE_PIECES, Inbox, Piece
+from integrity.events import RawBytes
+from recordings.sources.inbox import FILE_PIECE_BYTES, FILE_PIECES, Inbox
 
 SOON_NS = 5_000_000_000
 
 
-def take(inbox: Inbox) -> Piece | None:
+def take(inbox: Inbox[RawBytes]) -> RawBytes | None:
     return inbox.take(time.monotonic_ns() + SOON_NS)
 
 
 def test_pieces_come_in_the_order_of_arrival() -> None:
-    inbox = Inbox()
-    pieces = [Piece("A", 1, b"a"), Piece("B", 2, b"b"), Piece("A", 3, b"c")]
+    inbox = Inbox[RawBytes]()
+    pieces = [RawBytes(1, "A", b"a"), RawBytes(2, "B", b"b"), RawBytes(3, "A", b"c")]
     for piece in pieces:
-        inbox.put(*piece)
+        inbox.put(piece.receiver, piece.mono_ns, piece.data)
     assert [take(inbox) for _ in pieces] == pieces
 
 
 def test_what_does_not_fit_is_dropped_and_counted_once() -> None:
-    inbox = Inbox(most_pieces=2)
+    inbox = Inbox[RawBytes](most_pieces=2)
     for k in range(5):
         inbox.put("A" if k < 4 else "B", k, b"")
     assert (inbox.dropped(), inbox.dropped()) == ({"A": 2, "B": 1}, {})
 
 
 def test_there_is_room_again() -> None:
-    inbox = Inbox(most_pieces=1)
+    inbox = Inbox[RawBytes](most_pieces=1)
     for k in range(3):
         inbox.put("A", k, b"")
         assert take(inbox) is not None
@@ -36,17 +37,17 @@ def test_there_is_room_again() -> None:
 
 
 def test_a_wait_ends_at_its_time() -> None:
-    assert Inbox().take(time.monotonic_ns() - 1) is None
+    assert Inbox[RawBytes]().take(time.monotonic_ns() - 1) is None
 
 
 def test_a_wait_ends_when_woken() -> None:
-    inbox = Inbox()
+    inbox = Inbox[RawBytes]()
     threading.Timer(0.05, inbox.wake).start()
     assert take(inbox) is None
 
 
 def test_a_file_is_read_no_faster_than_it_is_decided() -> None:
-    inbox = Inbox()
+    inbox = Inbox[RawBytes]()
     data = bytes(range(256)) * (10 * FILE_PIECE_BYTES // 256)
     reader = threading.Thread(target=inbox.put_of_file, args=("A", 0, data))
     reader.start()
@@ -60,7 +61,7 @@ def test_a_file_is_read_no_faster_than_it_is_decided() -> None:
 
 
 def test_a_closed_inbox_lets_the_reader_of_a_file_go() -> None:
-    inbox = Inbox()
+    inbox = Inbox[RawBytes]()
     reader = threading.Thread(target=inbox.put_of_file, args=("A", 0, bytes((FILE_PIECES + 2) * FILE_PIECE_BYTES)))
     reader.start()
     inbox.close()

@@ -7,8 +7,8 @@ from collections.abc import Callable
 from threading import Thread
 
 from integrity.errors import LinkError
-from station.sources.kinds import SILENT_AFTER_S, Source
-from station.sources.links import Link, Wake
+from recordings.sources.kinds import SILENT_AFTER_S, Source
+from recordings.sources.links import Link, Wake
 
 FIRST_WAIT_S = 1.0
 LONGEST_WAIT_S = 60.0

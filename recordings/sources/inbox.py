@@ -4,26 +4,23 @@ import time
 from collections import Counter
 from queue import Empty, SimpleQueue
 from threading import BoundedSemaphore
-from typing import NamedTuple
+from typing import Generic, TypeVar
+
+from integrity.events import RawBytes
 
 MOST_PIECES = 4096  # over a minute of three receivers at 10 Hz
 FILE_PIECE_BYTES = 4096  # a file is read far faster than time passes: in small pieces,
 FILE_PIECES = 4  # and so few of them ahead, that the files of three receivers stay together
 
 
-class Piece(NamedTuple):
-    """Bytes of one receiver, as read at `mono_ns`."""
-
-    receiver: str
-    mono_ns: int
-    data: bytes
+E = TypeVar("E")
 
 
-class Inbox:
-    """Any thread puts, one takes. What does not fit is dropped and counted: the thread that decides must hear of it."""
+class Inbox(Generic[E]):
+    """Of bytes of receivers and events E: any thread puts, one takes. What does not fit is dropped and counted, and told to who decides."""
 
     def __init__(self, most_pieces: int = MOST_PIECES) -> None:
-        self._queue: SimpleQueue[Piece | None] = SimpleQueue()
+        self._queue: SimpleQueue[E | RawBytes | None] = SimpleQueue()
         self._most_pieces = most_pieces
         self._dropped: Counter[str] = Counter()
         self._told: Counter[str] = Counter()
@@ -31,11 +28,15 @@ class Inbox:
         self._closed = False
 
     def put(self, receiver: str, mono_ns: int, data: bytes) -> None:
-        """Never waits."""
+        """Bytes as read at `mono_ns`. Never waits."""
+        self.put_event(receiver, RawBytes(mono_ns, receiver, data))
+
+    def put_event(self, sender: str, event: E | RawBytes) -> None:
+        """What a sender brings. Never waits."""
         if self._queue.qsize() < self._most_pieces:
-            self._queue.put(Piece(receiver, mono_ns, data))
+            self._queue.put(event)
         else:
-            self._dropped[receiver] += 1
+            self._dropped[sender] += 1
 
     def put_of_file(self, receiver: str, mono_ns: int, data: bytes) -> None:
         """For a source that can wait: waits until there is room."""
@@ -44,15 +45,15 @@ class Inbox:
             while not room.acquire(timeout=0.1):
                 if self._closed:
                     return
-            self._queue.put(Piece(receiver, time.monotonic_ns(), data[begin : begin + FILE_PIECE_BYTES]))
+            self._queue.put(RawBytes(time.monotonic_ns(), receiver, data[begin : begin + FILE_PIECE_BYTES]))
 
-    def take(self, until_mono_ns: int) -> Piece | None:
+    def take(self, until_mono_ns: int) -> E | RawBytes | None:
         """The next piece; None if none has come by then, or when woken."""
         try:
             piece = self._queue.get(timeout=max(0.0, (until_mono_ns - time.monotonic_ns()) / 1e9))
         except Empty:
             return None
-        if piece is not None and piece.receiver in self._room:
+        if isinstance(piece, RawBytes) and piece.receiver in self._room:
             self._room[piece.receiver].release()
         return piece
 

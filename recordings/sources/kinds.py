@@ -18,7 +18,7 @@ from serial import Serial, SerialException
 
 from integrity.errors import ConfigError, LinkError
 from recordings.site_schema import source_problem
-from station.sources.links import MOST_BYTES, Link, OneSender, Wake, read_stream, reason, wait_for
+from recordings.sources.links import MOST_BYTES, Link, OneSender, Wake, read_stream, reason, wait_for
 
 CONNECT_TIMEOUT_S = 5.0
 SILENT_AFTER_S = 10.0
