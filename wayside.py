@@ -15,6 +15,8 @@ from recordings.cli import recording_commands
 from recordings.keys_cli import commands as keys_commands
 from station.cli import commands as station_commands
 from train_client.cli import commands as train_client_commands
+from train_client.cli import train_commands
+from train_client.map_cli import commands as map_commands
 
 app = typer.Typer(
     no_args_is_help=True,
@@ -25,6 +27,8 @@ app.add_typer(station_commands, name="station")
 app.add_typer(recordings_commands)
 app.add_typer(recording_commands, name="recording")
 app.add_typer(train_client_commands)
+app.add_typer(train_commands, name="train")
+app.add_typer(map_commands, name="map")
 app.add_typer(keys_commands, name="keys")
 
 

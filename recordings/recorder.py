@@ -110,12 +110,15 @@ class Recorder(Generic[T]):
         self._thread.start()
 
     def wants_file(self, mono_ns: int) -> bool:
-        """Whether a new file should begin before an event of that monotonic time is handed over."""
+        """Whether a new file should begin before an event of that monotonic time is handed over: after trouble, and with each hour."""
+        in_trouble = self._overflowed or self._files.failed_generation == self._generation
+        return self.can_begin_again() if in_trouble else (mono_ns + self._offset_ns) // HOUR_NS != self._hour
+
+    def can_begin_again(self) -> bool:
+        """Whether nothing is recorded now, for trouble that may be over."""
         if self._files.failed_generation == self._generation:
             return time.monotonic() >= self._files.retry_s
-        if self._overflowed:
-            return self._queue.qsize() <= MOST_ENTRIES // 2 and self._put_bytes - self._taken_bytes <= MOST_BYTES // 2
-        return (mono_ns + self._offset_ns) // HOUR_NS != self._hour
+        return self._overflowed and self._queue.qsize() <= MOST_ENTRIES // 2 and self._put_bytes - self._taken_bytes <= MOST_BYTES // 2
 
     def begin(self, snapshot: Message | None, mono_ns: int, gps_ns: int) -> None:
         """A new file. `mono_ns` is of the next event, `gps_ns` the GPS time at that moment: log times are counted from there."""

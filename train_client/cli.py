@@ -1,13 +1,16 @@
 """Commands of the client on board."""
 
+import json
 import signal
 import sys
+from datetime import UTC, datetime
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
 commands = typer.Typer(no_args_is_help=True)
+train_commands = typer.Typer(no_args_is_help=True, help="The train: positions on its track, used only as the ground allows.")
 
 DEFAULT_CONNECT = "tcp/127.0.0.1:7447"
 DEFAULT_KEYS = Path("keys/trusted.toml")
@@ -47,3 +50,71 @@ def listen(
             say,
         )
         listener.run(count)
+
+
+@train_commands.command()
+def run(
+    train: Annotated[Path, typer.Argument(help="Train file (TOML).", show_default=False)],
+    track: Annotated[Path | None, typer.Option("--track", help="Map, instead of the one that the train file names.")] = None,
+    as_json: Annotated[bool, typer.Option("--json", help="One JSON object per position on stdout.")] = False,
+) -> None:
+    """Run the train client: solve each epoch on the track, believe it only as the ground allows, publish and record it.
+
+    Example: wayside train run train.toml --json
+    """
+    from google.protobuf.json_format import MessageToDict
+
+    from integrity.errors import ConfigError
+    from integrity.messages import wayside_pb2 as pb
+    from train_client.runtime import run_train
+    from train_client.train_file import load_train
+
+    def show(position: pb.TrainPosition) -> None:
+        if as_json:
+            print(json.dumps(MessageToDict(position, preserving_proto_field_name=True)), flush=True)
+
+    loaded = load_train(train)
+    map_file = track or loaded.map_path
+    if map_file is None:
+        raise ConfigError(f'{train}: names no map: add map = "line.json" to [train], or give --track')
+    raise typer.Exit(run_train(loaded, map_file, _say, show))
+
+
+@train_commands.command()
+def replay(
+    recording: Annotated[Path, typer.Argument(help="A train's recording (MCAP).", show_default=False)],
+    train: Annotated[Path | None, typer.Option("--train", help="Train file; by default the recorded one.")] = None,
+    track: Annotated[Path | None, typer.Option("--track", help="Map; by default the recorded one.")] = None,
+    epochs: Annotated[Path | None, typer.Option("--epochs", help="Positions as CSV.")] = None,
+    diff: Annotated[bool, typer.Option("--diff", help="Compare with the recorded positions; exit 1 on any difference.")] = False,
+    as_json: Annotated[bool, typer.Option("--json", help="One JSON object on stdout.")] = False,
+) -> None:
+    """Decide a train's recording again.
+
+    Example: wayside train replay r291.mcap --train train.toml --track line.json --diff
+    """
+    from recordings.reader import read_recording
+    from train_client import replay as again
+    from train_client.track.checks import load_map
+    from train_client.train_file import load_train
+
+    done = again.replay(
+        read_recording(recording),
+        None if train is None else load_train(train),
+        None if track is None else load_map(track.read_text("utf-8"), str(track)),
+    )
+    if epochs:
+        again.write_epochs_csv(epochs, done.positions)
+    print(json.dumps(again.summary(recording.name, done), indent=2) + "\n" if as_json else again.render(recording.name, done), end="")
+    if diff:
+        found = again.differences(done.recorded, done.positions)
+        print("\n".join(found) or f"{len(done.recorded)} recorded positions, no difference", file=sys.stderr)
+        if found:
+            raise typer.Exit(1)
+
+
+def _say(line: str) -> None:
+    """To people: one line per change, on stderr; with the clock on a terminal, without it where a journal has its own."""
+    clock = f"{datetime.now(UTC):%H:%M:%S}  " if sys.stderr.isatty() else ""
+    sys.stderr.write(f"{clock}{line}\n")  # in one piece: several threads speak
+    sys.stderr.flush()

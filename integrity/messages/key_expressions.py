@@ -12,3 +12,8 @@ EPOCH = "epoch"  # EpochReport
 ALERT = "alert"  # Alert, with a cache for those who come late
 ALIVE = "alive"  # liveliness token
 INFO = "info"  # query, answered by a SiteInfo
+
+
+def train_key(train: str) -> str:
+    """Where a train says where it is: TrainPosition."""
+    return f"wayside/v1/trains/{train}/position"

@@ -1,0 +1,63 @@
+"""The link of a train to the ground: dialled in a thread of its own for as long as it takes, so that nobody waits for it."""
+
+import threading
+from collections.abc import Callable, Sequence
+
+from integrity.messages.key_expressions import CHALLENGE, HEALTH, site_key, train_key
+from recordings.link import Arrival, Link, Put, dial_link
+from train_client.events import ChallengeAnswered, HealthReceived
+
+ANSWER_WITHIN_S = 1.0
+STOP_WITHIN_S = 3.0
+
+Take = Callable[[HealthReceived | ChallengeAnswered], None]
+
+
+class Air:
+    """Hands on what comes from one station; challenges it, and publishes positions, whenever somebody is there."""
+
+    def __init__(self, connect: Sequence[str], station: str, train_id: str, take: Take, say: Callable[[str], None]) -> None:
+        self._connect = connect
+        self._station = station
+        self._train_id = train_id
+        self._take = take
+        self._say = say
+        self._link: Link | None = None
+        self._put: Put | None = None
+        self._ended = threading.Event()
+        self._thread = threading.Thread(target=self._run, name="air", daemon=True)
+
+    def start(self) -> None:
+        """Begin to dial."""
+        self._thread.start()
+
+    def challenge(self, nonce: bytes) -> None:
+        """Ask the station to sign a nonce; what comes back is handed on. Nobody there: nothing happens."""
+        link = self._link
+        if link is not None:
+            link.ask(site_key(self._station, CHALLENGE), nonce, ANSWER_WITHIN_S, lambda arrival: self._take(self._answer(nonce, arrival)))
+
+    def publish(self, position: bytes) -> None:
+        """Put a TrainPosition, if there is a link."""
+        if self._put is not None:
+            self._put(position)
+
+    def stop(self) -> None:
+        """Close the link: a process that leaves it open does not end."""
+        self._ended.set()
+        self._thread.join(STOP_WITHIN_S if self._link is not None else 0.0)
+
+    def _answer(self, nonce: bytes, arrival: Arrival) -> ChallengeAnswered:
+        return ChallengeAnswered(arrival.mono_ns, self._station, nonce, arrival.data, arrival.error)
+
+    def _run(self) -> None:
+        endpoints = ", ".join(self._connect)
+        with dial_link(self._connect, lambda: self._say(f"nobody is at {endpoints}; it is tried again every second")) as link:
+            link.subscribe(
+                site_key(self._station, HEALTH), lambda arrival: self._take(HealthReceived(arrival.mono_ns, arrival.key_expr, arrival.data))
+            )
+            self._put = link.droppable(train_key(self._train_id), "wayside.v1.TrainPosition")
+            self._link = link
+            self._say(f"connected to {endpoints}")
+            self._ended.wait()
+            self._link, self._put = None, None

@@ -1,0 +1,292 @@
+"""One epoch of the antennas to one place of the train, or why there is none: step 4 of the main path on board."""
+
+from collections.abc import Collection, Sequence
+from dataclasses import replace
+from math import isfinite
+from typing import NamedTuple
+
+import numpy as np
+
+from integrity.assembler import AlignedEpoch
+from integrity.gnss.ephemeris import EphemerisStore, SatelliteStates, accuracy_m, satellite_states, usable
+from integrity.gnss.observations import ROW_ARRAYS, Bools, Floats, Ints, ObservationBlock, build_block
+from integrity.gnss.positioning import Expected, range_sigma_m, state_time_ns
+from integrity.gnss.signals import SYSTEMS, system_index
+from train_client.config import TrainConfig
+from train_client.limits import TrainLimits
+from train_client.outputs import AntennaFix, Fix, MapPlace
+from train_client.positioning.antennas import Agreement, AntennaPlace, DistanceTest, FrontEnd, compare_distances, front_end
+from train_client.positioning.constrained import OnTrack, Why, paths_of, sight_at, solve_on_track
+from train_client.positioning.sections import Located, Search, locate
+from train_client.track.locus import Place, Unreachable, arc_between, locus_of, shifted
+from train_client.track.track_map import TrackMap
+
+LOST_AFTER = 10  # epochs in a row without a place: then the whole map is searched again
+ELSEWHERE = (Why.AT_SWITCH, Why.OFF_MAP_END, Why.NO_CONVERGENCE)  # the way on may lead where hops do not
+
+WORDS = {
+    Why.TOO_FEW_SATELLITES: "too few satellites",
+    Why.POOR_GEOMETRY: "satellites in poor geometry along the track",
+    Why.OFF_MAP_END: "beyond the end of the map",
+    Why.AT_SWITCH: "at a switch, and both ways may be",
+    Why.NOT_ON_TRACK: "ranges fit no place on the track",
+    Why.NO_CONVERGENCE: "no place found near the last one",
+}
+
+
+class _Seen(NamedTuple):
+    """One epoch: block (1, R, S), states of its satellites, what would be seen where the antennas were last, sigmas (1, R, S), which
+    ranges may be used (1, R, S), and of the signals that may not (S,) why."""
+
+    block: ObservationBlock
+    states: SatelliteStates
+    sight: Expected
+    sigma_m: Floats
+    used: Bools
+    system_of: Ints
+    reasons: tuple[str, ...]
+
+
+class _Solved(NamedTuple):
+    """Antennas on their paths; in words why each (R,) has no place, "" where it has one."""
+
+    on_track: OnTrack
+    why: tuple[str, ...]
+
+
+class FixMaker:
+    """Makes fixes for one train; remembers where its antennas were and which way it faces."""
+
+    def __init__(self, train: TrainConfig, track: TrackMap, store: EphemerisStore, limits: TrainLimits) -> None:
+        self._train = train
+        self._track = track
+        self._store = store
+        self._limits = limits
+        loci = {facing: [locus_of(track, a.height_m, facing * a.y_m) for a in train.antennas] for facing in (1, -1)}
+        self._paths = {facing: paths_of(of) for facing, of in loci.items()}
+        self._single = {facing: [paths_of([locus]) for locus in of] for facing, of in loci.items()}
+        self._segment: Ints | None = None  # (1, R) of the last places
+        self._before: tuple[Place, int] | None = None  # where the first antenna was, and which way the train faced there
+        self._unsolved = 0
+
+    def lost(self) -> None:
+        """The antennas were silent: where they were before says nothing any more; which way the train faces is still so."""
+        self._segment = None
+
+    def fix(self, epoch: AlignedEpoch, signals: frozenset[str] | None, mismatched: Collection[str]) -> Fix:
+        """The place in an epoch, solved with these `signals` (None: all); satellites that are `mismatched` are never used."""
+        seen = self._seen(epoch, signals, mismatched)
+        solved = self._solve(seen, epoch, 1)
+        facing = self._expected_facing(solved)
+        if facing == -1 and any(antenna.y_m for antenna in self._train.antennas):
+            solved = self._solve(seen, epoch, -1)
+        places = self._places(solved)
+        test = compare_distances(self._track, places, facing, self._limits)
+        front = self._front(places, test, facing, solved.why)
+        self._remember(solved, places, test)
+        return self._result(epoch.epoch_ns, seen, solved, places, test, front)
+
+    # ---- satellites
+
+    def _seen(self, epoch: AlignedEpoch, signals: frozenset[str] | None, mismatched: Collection[str]) -> _Seen:
+        block = build_block(self._train.antenna_ids, [epoch.epoch_ns], [epoch.rows])
+        ephemerides = self._store.ephemerides
+        index = self._store.choose(block.satellites, block.epoch_ns, np.array([epoch.arrived]))
+        states = satellite_states(ephemerides, index, state_time_ns(block.epoch_ns))
+        at = np.zeros((1, len(epoch.rows)), dtype=np.int64) if self._segment is None else self._segment
+        sight = sight_at(self._paths[1], at, states, block.epoch_ns, epoch.klobuchar)
+        a_m, b_m = self._train.sigma_range_m, self._train.sigma_range_low_m
+        reasons = _why_unused(block, signals, index[0] >= 0, usable(ephemerides, index)[0], mismatched)
+        good = np.array([not reason for reason in reasons], dtype=np.bool_)
+        return _Seen(
+            block,
+            states,
+            sight,
+            sigma_m=range_sigma_m(sight.el_rad, a_m, b_m, accuracy_m(ephemerides, index)[:, None, :]),
+            used=good & np.isfinite(block.pseudorange_m) & ~(block.cn0_dbhz < self._limits.min_cn0_dbhz),
+            system_of=np.array([system_index(s) for s in block.satellites], dtype=np.int64),
+            reasons=reasons,
+        )
+
+    # ---- antennas
+
+    def _solve(self, seen: _Seen, epoch: AlignedEpoch, facing: int) -> _Solved:
+        """From where the antennas were; over the whole map where that is not known, or where the way on may be elsewhere."""
+        if self._segment is None:
+            return self._search(seen, epoch, facing)
+        sight = seen.sight if facing == 1 else None
+        found = solve_on_track(
+            *(seen.block, seen.states, self._paths[facing], self._segment, epoch.klobuchar, seen.sigma_m, seen.used, seen.system_of),
+            *(len(SYSTEMS), self._limits),
+            sight=sight,
+        )
+        why = [Why(w) for w in found.why[0].tolist()]
+        if any(w in ELSEWHERE for w in why):
+            return self._search(seen, epoch, facing)
+        return _Solved(found, tuple("" if w is Why.SOLVED else WORDS[w] for w in why))
+
+    def _search(self, seen: _Seen, epoch: AlignedEpoch, facing: int) -> _Solved:
+        """Each antenna over the whole map; then once more from where they were found, as from epoch to epoch."""
+        segment = np.zeros((1, len(epoch.rows)), dtype=np.int64)
+        words: list[str] = []
+        for r, paths in enumerate(self._single[facing]):
+            located = locate(
+                *(one_receiver(seen.block, r), seen.states, paths, epoch.klobuchar, seen.sigma_m[0, r], seen.used[0, r], seen.system_of),
+                *(len(SYSTEMS), self._limits),
+            )
+            if located.outcome is Search.LOCATED:
+                segment[0, r] = located.hypotheses[0].segment
+            words.append(self._why_not(located, facing, r))
+        found = solve_on_track(
+            *(seen.block, seen.states, self._paths[facing], segment, epoch.klobuchar, seen.sigma_m, seen.used, seen.system_of),
+            *(len(SYSTEMS), self._limits),
+        )
+        why = [word or WORDS.get(Why(w), "") for word, w in zip(words, found.why[0].tolist(), strict=True)]
+        return _Solved(found, tuple(why))
+
+    def _why_not(self, located: Located, facing: int, r: int) -> str:
+        if located.outcome is Search.LOCATED:
+            return ""
+        if located.outcome is Search.REFUSED:
+            return WORDS[located.why]
+        locus = self._paths[facing].loci[r]
+        places = [f"{self._track.edges[locus.edge[h.segment]].id} {locus.s_m[h.segment]:.0f} m" for h in located.hypotheses]
+        return f"{len(places)} places fit: {', '.join(places[:4])}"
+
+    def _places(self, solved: _Solved) -> list[AntennaPlace]:
+        """Of the antennas that have one."""
+        found, paths = solved.on_track, self._paths[1]
+        places = []
+        for r, antenna in enumerate(self._train.antennas):
+            if solved.why[r]:
+                continue
+            locus, segment, d_m = paths.loci[r], int(found.segment[0, r]), float(found.d_m[0, r])
+            s_m = float(locus.s_m[segment] + d_m * locus.ds_dm[segment])
+            places.append(AntennaPlace(antenna.x_m, int(locus.edge[segment]), s_m, float(found.sigma_m[0, r])))
+        return places
+
+    # ---- the train
+
+    def _expected_facing(self, solved: _Solved) -> int:
+        """On the edge where the first antenna is now: as before, carried along the way; at first as the train file says."""
+        if self._before is None or solved.why[0]:
+            return self._train.facing if self._before is None else self._before[1]
+        then, facing = self._before
+        now = self._places(solved)[0]
+        if now.edge_index == then.edge_index:
+            return facing
+        arc_m = arc_between(self._track, then, Place(now.edge_index, now.s_m), self._limits.most_train_length_m)
+        reached = arc_m if isinstance(arc_m, Unreachable) else shifted(self._track, then.edge_index, then.s_m, arc_m)
+        return self._train.facing if isinstance(reached, Unreachable) else facing * reached.direction
+
+    def _front(self, places: Sequence[AntennaPlace], test: DistanceTest, facing: int, why: tuple[str, ...]) -> FrontEnd | str:
+        """The front end, or in words why there is none: every antenna must have a place, and the distances between them must be right."""
+        missing = [f"{antenna.id}: {word}" for antenna, word in zip(self._train.antennas, why, strict=True) if word]
+        if missing:
+            return "; ".join(missing)
+        if len(places) > 1 and test.agreement is not Agreement.AGREE:
+            told = "" if test.statistic is None else f" ({test.statistic:.2f} sigmas, at most {self._limits.distance_sigmas:.2f})"
+            return f"{test.agreement.value}{told}{': ' if test.detail else ''}{test.detail}"
+        if not (test.facing or facing):
+            return "one antenna alone does not tell which way the train faces: say so in the train file (facing)"
+        front = front_end(self._track, places, test.facing or facing, self._limits)
+        return front.why if isinstance(front, Unreachable) else front
+
+    def _remember(self, solved: _Solved, places: Sequence[AntennaPlace], test: DistanceTest) -> None:
+        if any(solved.why):
+            self._unsolved += 1
+            if self._unsolved >= LOST_AFTER:
+                self._segment = None
+            return
+        self._unsolved, self._segment = 0, solved.on_track.segment
+        if test.facing or len(places) == 1:
+            facing = test.facing or self._expected_facing(solved)
+            self._before = (Place(places[0].edge_index, places[0].s_m), facing)
+
+    def _result(
+        self, epoch_ns: int, seen: _Seen, solved: _Solved, places: Sequence[AntennaPlace], test: DistanceTest, front: FrontEnd | str
+    ) -> Fix:
+        rear: Place | Unreachable | None = None
+        reasons: tuple[str, ...] = (front,) if isinstance(front, str) else ()
+        if isinstance(front, FrontEnd):
+            rear = shifted(self._track, front.place.edge_index, front.place.s_m, -front.facing * self._train.length_m)
+            reasons = (f"rear end: {rear.why}",) if isinstance(rear, Unreachable) else ()
+        there = isinstance(front, FrontEnd) and isinstance(rear, Place)
+        distance_m = self._distance_m(places)
+        return Fix(
+            gps_time_ns=epoch_ns,
+            front=self._map_place(front.place) if there and isinstance(front, FrontEnd) else None,
+            rear=self._map_place(rear) if there and isinstance(rear, Place) else None,
+            sigma_m=front.sigma_m if isinstance(front, FrontEnd) else None,
+            facing=front.facing if isinstance(front, FrontEnd) else 0,
+            antennas=self._antenna_fixes(solved),
+            distance_m=distance_m,
+            distance_expected_m=None if distance_m is None else abs(self._train.antennas[-1].x_m - self._train.antennas[0].x_m),
+            used=tuple(seen.block.signals[s] for s in np.flatnonzero(seen.used.any(axis=(0, 1)))),
+            unused=tuple((s, why) for s, why in zip(seen.block.signals, seen.reasons, strict=True) if why),
+            reasons=reasons,
+        )
+
+    def _distance_m(self, places: Sequence[AntennaPlace]) -> float | None:
+        """Between the first and the last antenna as solved, along the track."""
+        if len(places) < max(2, len(self._train.antennas)):
+            return None
+        first, last = (Place(p.edge_index, p.s_m) for p in (places[0], places[-1]))
+        arc_m = arc_between(self._track, first, last, self._limits.most_train_length_m)
+        return None if isinstance(arc_m, Unreachable) else abs(arc_m)
+
+    def _antenna_fixes(self, solved: _Solved) -> tuple[AntennaFix, ...]:
+        found = solved.on_track
+        places = iter(self._places(solved))
+        fixes = []
+        for r, antenna in enumerate(self._train.antennas):
+            place = None if solved.why[r] else next(places)
+            fixes.append(
+                AntennaFix(
+                    antenna.id,
+                    place=None if place is None else MapPlace(self._track.edges[place.edge_index].id, place.s_m),
+                    sigma_m=None if place is None else place.sigma_m,
+                    tpdop=_number(found.tpdop[0, r]),
+                    satellites=int(found.n_used[0, r]),
+                    residual=_number(found.sse[0, r]),
+                    residual_threshold=_number(float(self._limits.residual_limit(found.dof[0, r]))),
+                    why=solved.why[r],
+                )
+            )
+        return tuple(fixes)
+
+    def _map_place(self, place: Place) -> MapPlace:
+        return MapPlace(self._track.edges[place.edge_index].id, place.s_m)
+
+
+def one_receiver(block: ObservationBlock, r: int) -> ObservationBlock:
+    """The block of receiver r alone."""
+    of_receiver = {name: getattr(block, name)[:, r : r + 1] for name in ("receive_time_ns", *ROW_ARRAYS)}
+    return replace(block, receivers=block.receivers[r : r + 1], **of_receiver)
+
+
+def _why_unused(
+    block: ObservationBlock, signals: frozenset[str] | None, known: Bools, healthy: Bools, mismatched: Collection[str]
+) -> tuple[str, ...]:
+    """Of each signal (S,), "" where it may be used: one signal a satellite."""
+    reasons: list[str] = []
+    taken = ""
+    for signal, satellite, is_known, is_healthy in zip(block.signals, block.satellites, known.tolist(), healthy.tolist(), strict=True):
+        if signals is not None and signal not in signals:
+            reasons.append("not monitored by the ground, or excluded")
+        elif satellite in mismatched:
+            reasons.append("ephemeris_mismatch: the antennas have heard different navigation messages")
+        elif not is_known:
+            reasons.append("no ephemeris that all antennas have heard")
+        elif not is_healthy:
+            reasons.append("unhealthy by its own message")
+        elif satellite == taken:
+            reasons.append("another signal of the satellite is used")
+        else:
+            reasons.append("")
+            taken = satellite
+    return tuple(reasons)
+
+
+def _number(value: float) -> float | None:
+    return float(value) if isfinite(value) else None

@@ -1,0 +1,60 @@
+"""Whether a fix can be where the train was before, moved on: the one memory of past positions. Local evidence only ever lowers trust."""
+
+from train_client.config import TrainConfig
+from train_client.outputs import Fix, MapPlace
+from train_client.track.network import Place, Unreachable, arc_between
+from train_client.track.track_map import TrackMap
+
+NS_PER_S = 1_000_000_000
+REAR_FIRST_M = 20.0  # own choice: more than noise and multipath move a train that stands, less than its length
+SIGMAS = 6.0  # own choice: a step may look longer than it is by so many standard deviations of a fix
+FORGET_AFTER_M = 50_000.0  # so far the way back to the last confirmed place is looked for
+
+
+class Progress:
+    """Of one train: the last confirmed place, and how far the train has gone backwards since it was furthest ahead."""
+
+    def __init__(self, train: TrainConfig, track: TrackMap) -> None:
+        self._most_speed_mps = train.most_speed_mps
+        self._track = track
+        self._index = {edge.id: i for i, edge in enumerate(track.edges)}
+        self._last: Fix | None = None
+        self._behind_m = 0.0
+
+    def objection(self, fix: Fix) -> str:
+        """Why the fix cannot be, after the last confirmed one; empty where it can."""
+        step_m = self._step_m(fix)
+        if isinstance(step_m, Unreachable):
+            return f"no way from the last confirmed place: {step_m.why}"
+        if self._last is None or fix.sigma_m is None or self._last.sigma_m is None:
+            return ""
+        elapsed_s = (fix.gps_time_ns - self._last.gps_time_ns) / NS_PER_S
+        allowed_m = self._most_speed_mps * elapsed_s + SIGMAS * (fix.sigma_m + self._last.sigma_m)
+        if not abs(step_m) <= allowed_m:
+            return f"{abs(step_m):.1f} m in {elapsed_s:.1f} s since the last confirmed place: at most {allowed_m:.1f} m can be"
+        behind_m = max(0.0, self._behind_m - step_m)
+        if not behind_m <= REAR_FIRST_M:
+            return (
+                f"runs rear first, {behind_m:.0f} m: antennas exchanged, or the cab at the other end? Correct the train file, start again"
+            )
+        return ""
+
+    def confirm(self, fix: Fix) -> None:
+        """The fix is where the train was: without an objection."""
+        step_m = self._step_m(fix)
+        assert not isinstance(step_m, Unreachable)
+        self._behind_m = max(0.0, self._behind_m - step_m)
+        self._last = fix
+
+    def _step_m(self, fix: Fix) -> float | Unreachable:
+        """From the last confirmed place, positive where the front leads."""
+        if self._last is None or self._last.front is None or fix.front is None:
+            return 0.0
+        before, now = self._place(self._last.front), self._place(fix.front)
+        if before.edge_index == now.edge_index:
+            return self._last.facing * (now.s_m - before.s_m)
+        arc_m = arc_between(self._track, before, now, FORGET_AFTER_M)
+        return arc_m if isinstance(arc_m, Unreachable) else self._last.facing * arc_m
+
+    def _place(self, place: MapPlace) -> Place:
+        return Place(self._index[place.edge], place.offset_m)

@@ -1,0 +1,129 @@
+"""What a train decides on and what comes out, to messages and back. What is not known is left out: absent, never NaN."""
+
+from collections.abc import Mapping
+
+from google.protobuf.message import Message
+
+from integrity import SOFTWARE
+from integrity.errors import DecodeError
+from integrity.events import InputLost, RawBytes, Tick
+from integrity.messages import wayside_pb2 as pb
+from integrity.messages.inputs import decode_event as decode_common
+from integrity.messages.inputs import encode_event as encode_common
+from integrity.messages.verification import NS_PER_MS
+from train_client.config import TrainConfig
+from train_client.events import ChallengeAnswered, ChallengeSent, HealthReceived, TrainEvent
+from train_client.outputs import AntennaFix, MapPlace, PositionReport, Status
+from train_client.track.track_map import TrackMap
+from train_client.trust import TrustState
+
+TRUST = {
+    TrustState.NORMAL: pb.TRUST_NORMAL,
+    TrustState.SATELLITE_ANOMALY: pb.TRUST_SATELLITE_ANOMALY,
+    TrustState.NOT_CONFIRMABLE: pb.TRUST_NOT_CONFIRMABLE,
+    TrustState.STALE: pb.TRUST_STALE,
+    TrustState.NO_COMMS: pb.TRUST_NO_COMMS,
+}
+STATUS = {
+    Status.UNKNOWN: pb.POSITION_UNKNOWN,
+    Status.PROVISIONAL: pb.POSITION_PROVISIONAL,
+    Status.VALID: pb.POSITION_VALID,
+}
+
+
+def encode_event(event: TrainEvent) -> Message:
+    """The message that records an event; bytes of receivers are recorded as they came."""
+    match event:
+        case HealthReceived():
+            return pb.HealthReceived(mono_ns=event.mono_ns, key_expr=event.key_expr, data=event.data)
+        case ChallengeSent():
+            return pb.ChallengeSent(mono_ns=event.mono_ns, site=event.site, nonce=event.nonce)
+        case ChallengeAnswered():
+            return pb.ChallengeAnswered(mono_ns=event.mono_ns, site=event.site, nonce=event.nonce, data=event.data, error=event.error)
+        case InputLost() | Tick():
+            return encode_common(event)
+        case RawBytes():
+            raise TypeError(f"bytes of receiver {event.receiver} are recorded as they came")
+
+
+def decode_event(message: Message) -> TrainEvent:
+    """The event that a message records; DecodeError where it cannot be one."""
+    if isinstance(message, pb.HealthReceived):
+        return HealthReceived(message.mono_ns, message.key_expr, message.data)
+    if isinstance(message, pb.ChallengeSent):
+        return ChallengeSent(message.mono_ns, message.site, message.nonce)
+    if isinstance(message, pb.ChallengeAnswered):
+        return ChallengeAnswered(message.mono_ns, message.site, message.nonce, message.data, message.error)
+    event = decode_common(message)
+    if isinstance(event, InputLost | Tick):
+        return event
+    raise DecodeError(f"{message.DESCRIPTOR.full_name} is no input of a train")
+
+
+def encode_started(
+    train: TrainConfig, train_toml: str, map_json: str, keys: Mapping[str, tuple[bytes, ...]], gps_ns: int, mono_ns: int
+) -> pb.TrainStarted:
+    """The first message of a train's recording."""
+    return pb.TrainStarted(
+        train=train.train_id,
+        software=SOFTWARE,
+        config_sha256=train.config_sha256,
+        train_toml=train_toml,
+        map_json=map_json,
+        trusted_keys=[pb.TrustedKey(site=site, public_key=key) for site, trusted in sorted(keys.items()) for key in trusted],
+        gps_time_ns=gps_ns,
+        mono_ns=mono_ns,
+    )
+
+
+def encode_position(report: PositionReport, train: TrainConfig, track: TrackMap) -> pb.TrainPosition:
+    """What a train publishes of where it is."""
+    fix, confirmed = report.fix, report.last_confirmed
+    message = pb.TrainPosition(
+        train=train.train_id,
+        sequence=report.sequence,
+        mono_ns=report.mono_ns,
+        status=STATUS[report.status],
+        reasons=report.reasons,
+        facing=0 if fix is None else fix.facing,
+        trust=TRUST[report.trust],
+        site=train.station,
+        health_sequence=report.health_sequence,
+        valid_for_ms=None if report.valid_for_ns is None else report.valid_for_ns // NS_PER_MS,
+        last_confirmed=None if confirmed is None else _place(confirmed.place),
+        last_confirmed_gps_ns=None if confirmed is None else confirmed.gps_time_ns,
+        refused_messages=report.refused_messages,
+        map_id=track.id,
+        map_version=str(track.version),
+        map_sha256=track.sha256,
+        config_sha256=train.config_sha256,
+        software=SOFTWARE,
+    )
+    if fix is not None:
+        message.gps_time_ns = fix.gps_time_ns
+        message.antennas.extend(_antenna(antenna) for antenna in fix.antennas)
+        message.unused.extend(pb.UnusedSatellite(signal=signal, why=why) for signal, why in fix.unused)
+        if fix.distance_m is not None and fix.distance_expected_m is not None:
+            message.distance_m, message.distance_expected_m = fix.distance_m, fix.distance_expected_m
+        if report.status is not Status.UNKNOWN and fix.front is not None and fix.rear is not None and fix.sigma_m is not None:
+            message.front.CopyFrom(_place(fix.front))
+            message.rear.CopyFrom(_place(fix.rear))
+            message.sigma_m = fix.sigma_m
+    return message
+
+
+def _antenna(fix: AntennaFix) -> pb.AntennaFix:
+    return pb.AntennaFix(
+        antenna=fix.antenna,
+        place=None if fix.place is None else _place(fix.place),
+        sigma_m=fix.sigma_m,
+        tpdop=fix.tpdop,
+        satellites=fix.satellites,
+        residual=fix.residual,
+        residual_threshold=fix.residual_threshold,
+        why=fix.why,
+    )
+
+
+def _place(place: MapPlace) -> pb.TrackPlace:
+    return pb.TrackPlace(edge=place.edge, offset_m=place.offset_m)

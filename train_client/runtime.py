@@ -1,0 +1,214 @@
+"""The train: bytes of its antennas and words from the ground in, positions out. The shell around `TrainLocaliser`: threads, clocks, links.
+
+    listeners (a thread an antenna)  ->
+    air (Zenoh's threads)            ->  inbox, bounded  ->  this thread: localiser  ->  air (TrainPosition), recorder, who watches
+
+One thread decides. It challenges the station each second, and puts a tick between what comes where a second has passed or a deadline of
+the localiser has: a station that is silent, frozen or dead is noticed by the train's own clock.
+"""
+
+import gc
+import secrets
+import signal
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+
+from google.protobuf.message import Message
+
+from integrity.events import InputLost
+from integrity.gnss.gps_time import NS_PER_S, gps_from_utc
+from integrity.messages import wayside_pb2 as pb
+from integrity.messages.verification import NONCE_BYTES
+from recordings.keys import keys_of, read_trusted
+from recordings.recorder import Recorder, check_directory
+from recordings.sources.host_clock import mono_now_ns, tick
+from recordings.sources.inbox import Inbox
+from recordings.sources.kinds import SILENT_AFTER_S, FileSource, Source, parse_source
+from recordings.sources.listener import Listener
+from train_client.air import Air
+from train_client.events import ChallengeSent, TrainEvent
+from train_client.localisation.localiser import TrainLocaliser
+from train_client.messages import encode_position
+from train_client.outputs import MessageRefused, PositionReport, TrainOutput, TrustChange
+from train_client.recording import manner_of
+from train_client.track.checks import load_map
+from train_client.train_file import TrainFile
+
+TICK_NS = NS_PER_S
+HOLD_NS = 10 * NS_PER_S  # so long the recording waits for the first epoch, to begin with GNSS time
+INTERRUPTED = 130
+AIR = "air"
+
+Say = Callable[[str], None]
+Watch = Callable[[pb.TrainPosition], None]
+
+
+def run_train(train: TrainFile, map_file: Path, say: Say, watch: Watch) -> int:
+    """Run until SIGTERM or SIGINT, or until every source has ended (files do); the exit code. `watch` gets every position.
+
+    Raises ConfigError or LinkError where it cannot start.
+    """
+    config = train.config
+    map_json = map_file.read_text("utf-8")
+    track = load_map(map_json, str(map_file))
+    keys = keys_of(read_trusted(train.keys_path), config.station, train.keys_path)
+    sources = {name: _at_home(parse_source(url), Path(train.file).parent) for name, url in train.sources.items() if url is not None}
+    check_directory(train.directory)
+    inbox = Inbox[TrainEvent]()
+    recorder = Recorder(train.directory, manner_of(config, train.text, map_json, {config.station: keys}), say)
+    air = Air(train.connect, config.station, config.train_id, lambda event: inbox.put_event(AIR, event), say)
+    silent_after_s = max(SILENT_AFTER_S, 3 * config.epoch_interval_ns / NS_PER_S)
+    listeners = [_listener(name, source, inbox, say, silent_after_s) for name, source in sources.items()]
+    runner = TrainRunner(TrainLocaliser(config, track, keys), inbox, air, recorder, say, watch)
+    for number in (signal.SIGTERM, signal.SIGINT):
+        signal.signal(number, lambda received, _: runner.stop(received))
+    try:
+        air.start()
+        for listener in listeners:
+            listener.start()
+        say(f"train {config.train_id} on map {track.id}: trusts {len(keys)} key{'s' * (len(keys) != 1)} of {config.station}")
+        runner.run(lambda: any(listener.is_alive() for listener in listeners))
+    finally:
+        inbox.close()
+        air.stop()
+        for listener in listeners:
+            listener.stop()
+        recorder.close()
+    return INTERRUPTED if runner.stopped_by == signal.SIGINT else 0
+
+
+def _at_home(source: Source, folder: Path) -> Source:
+    return replace(source, path=str(folder / source.path)) if isinstance(source, FileSource) else source
+
+
+def _listener(antenna: str, source: Source, inbox: Inbox[TrainEvent], say: Say, silent_after_s: float) -> Listener:
+    put = inbox.put_of_file if isinstance(source, FileSource) else inbox.put
+    return Listener(antenna, source, put, lambda name, line: say(f"{name}: {line}"), silent_after_s=silent_after_s)
+
+
+class TrainRunner:
+    """The thread that decides, and what it speaks to."""
+
+    def __init__(
+        self, localiser: TrainLocaliser, inbox: Inbox[TrainEvent], air: Air, recorder: Recorder[TrainEvent], say: Say, watch: Watch
+    ) -> None:
+        self._localiser = localiser
+        self._inbox = inbox
+        self._air = air
+        self._recorder = recorder
+        self._say = say
+        self._watch = watch
+        self.stopped_by = 0  # signal; 0: none
+        self._now_ns = mono_now_ns()  # of the event decided last: never steps back
+        self._began_ns = self._now_ns
+        self._next_tick_ns = self._now_ns
+        self._gps_ahead_ns: int | None = None  # GPS time minus the monotonic clock, by the last epoch
+        self._held: list[TrainEvent | Message] | None = []  # events and what came of them, until the recording begins
+
+    def stop(self, signal_number: int) -> None:
+        """End `run` soon; safe in a signal handler."""
+        self.stopped_by = signal_number
+        self._inbox.wake()
+
+    def run(self, sources_alive: Callable[[], bool]) -> None:
+        """Decide until stopped, or until the sources have ended and everything that they brought is decided."""
+        gc.collect()
+        gc.freeze()
+        try:
+            while not self.stopped_by and self._once(sources_alive):
+                pass
+        finally:
+            self._begin_recording()
+
+    def _once(self, sources_alive: Callable[[], bool]) -> bool:
+        """Whether to go on."""
+        due_ns = self._due_ns()
+        challenge_ns = self._localiser.challenge_due_ns
+        event = self._inbox.take(min(due_ns, challenge_ns))
+        if mono_now_ns() >= challenge_ns:
+            self._challenge()
+        if event is None or event.mono_ns > due_ns:
+            self._tick(max(due_ns, self._now_ns))
+        if event is not None:
+            self._decide(self._in_order(event))
+        elif not sources_alive():
+            self._say("every source has ended")
+            return False
+        return True
+
+    def _due_ns(self) -> int:
+        """When the next tick is due: each second, and as soon as the localiser would notice a silence or lose trust."""
+        deadline_ns = self._localiser.next_deadline_ns
+        return min(self._next_tick_ns, self._next_tick_ns if deadline_ns is None or deadline_ns < self._now_ns else deadline_ns)
+
+    def _tick(self, mono_ns: int) -> None:
+        if mono_now_ns() < mono_ns or self.stopped_by:
+            return  # woken early
+        self._now_ns = mono_ns
+        if mono_ns >= self._next_tick_ns:
+            self._next_tick_ns = mono_ns + TICK_NS
+        for sender, lost in self._inbox.dropped().items():
+            self._say(f"{sender}: overloaded, {lost} pieces were lost: is this machine too slow, or too busy?")
+            if sender != AIR:
+                self._decide(InputLost(mono_ns, sender, lost))
+        self._decide(tick("none", mono_ns))
+
+    def _challenge(self) -> None:
+        nonce = secrets.token_bytes(NONCE_BYTES)
+        self._now_ns = max(self._now_ns, mono_now_ns())
+        self._decide(ChallengeSent(self._now_ns, self._localiser.train.station, nonce))
+        self._air.challenge(nonce)
+
+    def _in_order(self, event: TrainEvent) -> TrainEvent:
+        """Stamped in several threads: the clock of what is decided never steps back. A later stamp makes a message older, not younger."""
+        self._now_ns = max(self._now_ns, event.mono_ns)
+        return event if event.mono_ns == self._now_ns else replace(event, mono_ns=self._now_ns)
+
+    def _decide(self, event: TrainEvent) -> None:
+        if self._held is None:
+            if self._recorder.can_begin_again():
+                self._begin_file(event.mono_ns)
+            self._recorder.event(event)
+        else:
+            self._held.append(event)
+        for output in self._localiser.feed((event,)):
+            self._output(output)
+        if self._held is not None and event.mono_ns - self._began_ns > HOLD_NS:
+            self._begin_recording()
+
+    def _output(self, output: TrainOutput) -> None:
+        match output:
+            case PositionReport():
+                message = encode_position(output, self._localiser.train, self._localiser.track)
+                self._air.publish(message.SerializeToString())
+                if self._held is None:
+                    self._recorder.output(message)
+                else:
+                    self._held.append(message)
+                if output.fix is not None:
+                    self._gps_ahead_ns = output.fix.gps_time_ns - output.mono_ns
+                    self._begin_recording()
+                self._watch(message)
+            case TrustChange():
+                self._say(f"trust {output.state.value}: {'; '.join(output.reasons)}" if output.reasons else f"trust {output.state.value}")
+            case MessageRefused():
+                self._say(f"not believed: {output.refusal}")
+
+    def _begin_recording(self) -> None:
+        """With what was held; the clock of the file is GNSS time where it is known by now."""
+        if self._held is None:
+            return
+        held, self._held = self._held, None
+        for item in held:
+            if isinstance(item, Message):
+                self._recorder.output(item)
+            else:
+                if item is held[0]:
+                    self._begin_file(item.mono_ns)
+                self._recorder.event(item)
+
+    def _begin_file(self, mono_ns: int) -> None:
+        ahead_ns = self._gps_ahead_ns
+        gps_ns = gps_from_utc(tick("none", mono_ns).utc_ns) if ahead_ns is None else mono_ns + ahead_ns
+        self._recorder.begin(None, mono_ns, gps_ns)
