@@ -253,14 +253,15 @@ def info(recording: Recording, as_json: Json = False) -> None:
     Example: wayside recording info day.mcap
     """
     from recordings.reader import salvage
-    from recordings.replay import span_utc, started
+    from integrity.messages import wayside_pb2 as pb
+    from recordings.replay import beginning, span_utc
 
     contents = salvage(recording)
-    head = started(contents)
+    head = beginning(contents)
     start, end = span_utc(contents)
     facts: dict[str, Any] = {
         "recording": recording.name,
-        "site": head.site,
+        **({"train": head.train} if isinstance(head, pb.TrainStarted) else {"site": head.site}),
         "software": head.software,
         "config_sha256": head.config_sha256,
         "start": start,

@@ -24,7 +24,7 @@ from integrity.messages.snapshots import decode_snapshot, encode_snapshot
 from integrity.outputs import Output
 from integrity.reception import Reception
 from integrity.station_monitor import Snapshot, StationMonitor
-from recordings.channels import is_input, receiver_of
+from recordings.channels import STATION_TOPICS, TRAIN_TOPICS, is_input, receiver_of
 from recordings.reader import Contents, Entry, salvage
 from recordings.site_file import SiteFile, parse_site
 from recordings.toml_file import format_toml
@@ -58,6 +58,12 @@ def started(contents: Contents) -> pb.Started:
     if not isinstance(first, pb.Started):
         raise RecordingError(f"{contents.path}: begins with {contents.entries[0].topic}, expected /started: its head is missing")
     return first
+
+
+def beginning(contents: Contents) -> pb.Started | pb.TrainStarted:
+    """The first message of a recording, of a station or of a train."""
+    first = contents.entries[0].message
+    return first if isinstance(first, pb.TrainStarted) else started(contents)
 
 
 def recorded_site(contents: Contents) -> SiteFile:
@@ -267,7 +273,7 @@ def complaints(contents: Contents) -> list[str]:
     """What is not as it should be in a recording; empty for a whole one."""
     found = [contents.damage] if contents.damage else []
     topics = [entry.topic for entry in contents.entries[:2]]
-    if topics != ["/started", "/snapshot"]:
+    if topics[0] != "/train_started" and topics != ["/started", "/snapshot"]:
         found.append(f"begins with {' and '.join(topics)}, expected /started and /snapshot")
     times = [entry.log_ns for entry in contents.entries]
     if any(b < a for a, b in pairwise(times)):
@@ -278,9 +284,10 @@ def complaints(contents: Contents) -> list[str]:
 def recover(path: Path, output: Path) -> Contents:
     """Copy every message that can still be read to a new, whole recording; the same bytes as the original for a whole one."""
     contents = salvage(path)
-    software = started(contents).software
+    begun = beginning(contents)
+    topics = TRAIN_TOPICS if isinstance(begun, pb.TrainStarted) else STATION_TOPICS
     first_ns = contents.entries[0].log_ns
-    with RecordingWriter(output, software, gps_from_utc(first_ns), first_ns, contents.metadata, contents.receivers) as writer:
+    with RecordingWriter(output, begun.software, gps_from_utc(first_ns), first_ns, contents.metadata, contents.receivers, topics) as writer:
         for entry in contents.entries:
             writer.add(entry.topic, entry.data, entry.log_ns)
     return contents

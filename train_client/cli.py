@@ -13,6 +13,7 @@ commands = typer.Typer(no_args_is_help=True)
 train_commands = typer.Typer(no_args_is_help=True, help="The train: positions on its track, used only as the ground allows.")
 
 DEFAULT_CONNECT = "tcp/127.0.0.1:7447"
+SITE_FILE = Path("site.toml")  # where one lies here, its station is the one meant
 DEFAULT_KEYS = Path("keys/trusted.toml")
 MAX_VALID_MS = 3000  # whatever a station says, nothing counts for longer: the default of a train's [trust]
 
@@ -21,7 +22,10 @@ MAX_VALID_MS = 3000  # whatever a station says, nothing counts for longer: the d
 def listen(
     site: Annotated[str, typer.Argument(help="Site id, such as kokubunji-1.", show_default=False)],
     keys: Annotated[Path, typer.Option("--keys", help="File of trusted public keys (TOML).")] = DEFAULT_KEYS,
-    connect: Annotated[str, typer.Option("--connect", help="Zenoh endpoint of the station or of a router.")] = DEFAULT_CONNECT,
+    connect: Annotated[
+        str | None,
+        typer.Option("--connect", help=f"Zenoh endpoint; by default that of ./{SITE_FILE}, or {DEFAULT_CONNECT}.", show_default=False),
+    ] = None,
     as_json: Annotated[bool, typer.Option("--json", help="One JSON object per message on stdout, everything else on stderr.")] = False,
     count: Annotated[int | None, typer.Option("--count", min=1, help="End after so many messages.", show_default=False)] = None,
 ) -> None:
@@ -35,14 +39,15 @@ def listen(
     from train_client import listen as words
 
     trusted = keys_of(read_trusted(keys), site, keys)
+    endpoint = connect or _endpoint_of(SITE_FILE) or DEFAULT_CONNECT
     signal.signal(signal.SIGTERM, lambda *_: sys.exit(0))
     notices = sys.stderr if as_json else sys.stdout
 
     def say(notice: str) -> None:
         print(notice, file=notices, flush=True)
 
-    with dial_link([connect], lambda: say(f"NO_COMMS: nobody is at {connect}; it is tried again every second")) as link:
-        print(f"listening for {site} at {connect}, {len(trusted)} key{'s' * (len(trusted) != 1)} trusted", file=sys.stderr, flush=True)
+    with dial_link([endpoint], lambda: say(f"NO_COMMS: nobody is at {endpoint}; it is tried again every second")) as link:
+        print(f"listening for {site} at {endpoint}, {len(trusted)} key{'s' * (len(trusted) != 1)} trusted", file=sys.stderr, flush=True)
         listener = words.Listener(
             link,
             HealthVerifier(site, trusted, MAX_VALID_MS),
@@ -50,6 +55,16 @@ def listen(
             say,
         )
         listener.run(count)
+
+
+def _endpoint_of(site_file: Path) -> str | None:
+    """Where the station of a site file listens, seen from its own machine; None where there is no such file, or it does not listen."""
+    from recordings.site_file import load_site
+
+    if not site_file.exists():
+        return None
+    listens = load_site(site_file).publish.listen
+    return listens[0].replace("/0.0.0.0:", "/127.0.0.1:").replace("/[::]:", "/[::1]:") if listens else None
 
 
 @train_commands.command()

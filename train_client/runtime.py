@@ -33,6 +33,7 @@ from train_client.messages import encode_position
 from train_client.outputs import MessageRefused, PositionReport, TrainOutput, TrustChange
 from train_client.recording import manner_of
 from train_client.track.checks import load_map
+from train_client.map_cli import read_map_text
 from train_client.train_file import TrainFile
 
 TICK_NS = NS_PER_S
@@ -50,7 +51,7 @@ def run_train(train: TrainFile, map_file: Path, say: Say, watch: Watch) -> int:
     Raises ConfigError or LinkError where it cannot start.
     """
     config = train.config
-    map_json = map_file.read_text("utf-8")
+    map_json = read_map_text(map_file)
     track = load_map(map_json, str(map_file))
     keys = keys_of(read_trusted(train.keys_path), config.station, train.keys_path)
     sources = {name: _at_home(parse_source(url), Path(train.file).parent) for name, url in train.sources.items() if url is not None}

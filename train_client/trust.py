@@ -9,7 +9,7 @@ nothing else changes it. One row leads to NORMAL. The clock is the train's own m
     PROVEN  a fresh NORMAL, and enough of them in a row (or already NORMAL): NORMAL
     EXPIRES the validity of the last message that counted has run out: STALE, all counted ones forgotten
     SILENT  and nothing has counted for `no_comms_after_ns` since: NO_COMMS
-    NOTHING a message that was refused (INVALID), or a NORMAL that is not fresh: as if nothing had come
+    NOTHING a message that was refused (INVALID) or whose boot no challenge has confirmed, or a NORMAL that is not fresh
 
 Every message that counts carries its own end: `valid_until_ns`. A message that says "down" has one too, so that silence after it is told.
 """
@@ -132,7 +132,7 @@ def next_change_ns(now: Trust, limits: TrustLimits) -> int | None:
 
 
 def _meaning(now: Trust, received: Received, limits: TrustLimits) -> Input:
-    if not received.verified:
+    if not received.verified or received.unconfirmed:
         return Input.NOTHING
     if received.said is not State.NORMAL:
         return Input.DOWN

@@ -165,7 +165,7 @@ class TrainLocaliser:
     def _changed(self, trust: Trust, mono_ns: int, reasons: tuple[str, ...]) -> list[TrainOutput]:
         """Remember trust; where its state has changed, say so, and that there is no position until the next epoch."""
         before, self._trust = self._trust, trust
-        if trust.state is not TrustState.NORMAL:
+        if trust.state is not TrustState.NORMAL and trust != before:
             self._coverage.forget()
         if trust.state is before.state:
             return []
