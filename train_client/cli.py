@@ -110,13 +110,14 @@ def replay(
     """
     from recordings.reader import read_recording
     from train_client import replay as again
+    from train_client.map_file import read_map_text
     from train_client.track.checks import load_map
     from train_client.train_file import load_train
 
     done = again.replay(
         read_recording(recording),
         None if train is None else load_train(train),
-        None if track is None else load_map(track.read_text("utf-8"), str(track)),
+        None if track is None else load_map(read_map_text(track), str(track)),
     )
     if epochs:
         again.write_epochs_csv(epochs, done.positions)

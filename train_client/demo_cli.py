@@ -31,9 +31,10 @@ def demo(
     began_ns = time.monotonic_ns()
     signal.signal(signal.SIGTERM, lambda *_: sys.exit(130))
 
-    from train_client.demo.demo import Wish, run_demo
+    from train_client.demo.demo import run_demo
     from train_client.demo.screen import Screen
     from train_client.demo.summary import as_json_object, render
+    from train_client.demo.wish import Wish
 
     try:
         with Screen(sys.stderr if as_json else sys.stdout) as screen:

@@ -9,6 +9,7 @@ from typing import Annotated, Any
 import typer
 
 from recordings.toml_file import ConfigProblems, Problem
+from train_client.map_file import read_map_text
 from train_client.track.checks import MapCheck, MapFacts, check_map
 from train_client.track.findings import Finding
 from train_client.track.track_map import TrackMap, parse_map
@@ -50,18 +51,6 @@ def plot(file: MapFile, output: Annotated[Path, typer.Option("-o", "--output", h
     if misplaced.facts is None:
         raise ConfigProblems(Problem(str(file), None, "", "", str(finding)) for finding in misplaced.errors)
     output.write_text(map_svg(track), "utf-8")
-
-
-def read_map_text(path: Path) -> str:
-    """The text of a map file. Raises ConfigProblems where it cannot be read or is not UTF-8."""
-    try:
-        return path.read_bytes().decode("utf-8-sig")
-    except OSError as error:
-        message = f"cannot be read ({error.strerror}): give the path of a readable track map"
-        raise ConfigProblems([Problem(str(path), None, "", "", message)]) from error
-    except UnicodeDecodeError as error:
-        message = f"byte 0x{error.object[error.start]:02x} at {error.start} is not UTF-8: a track map is JSON text in UTF-8"
-        raise ConfigProblems([Problem(str(path), None, "", "", message)]) from error
 
 
 def _page(file: Path, track: TrackMap | None, found: MapCheck | None, unreadable: tuple[Problem, ...]) -> str:

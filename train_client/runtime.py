@@ -29,11 +29,11 @@ from recordings.sources.listener import Listener
 from train_client.air import Air
 from train_client.events import ChallengeSent, TrainEvent
 from train_client.localisation.localiser import TrainLocaliser
+from train_client.map_file import read_map_text
 from train_client.messages import encode_position
 from train_client.outputs import MessageRefused, PositionReport, TrainOutput, TrustChange
 from train_client.recording import manner_of
 from train_client.track.checks import load_map
-from train_client.map_cli import read_map_text
 from train_client.train_file import TrainFile
 
 TICK_NS = NS_PER_S

@@ -8,6 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from integrity.assembler import AlignedEpoch
+from integrity.errors import ConfigError
 from integrity.gnss.ephemeris import EphemerisStore, SatelliteStates, accuracy_m, satellite_states, usable
 from integrity.gnss.observations import ROW_ARRAYS, Bools, Floats, Ints, ObservationBlock, build_block
 from integrity.gnss.positioning import Expected, range_sigma_m, state_time_ns
@@ -62,6 +63,7 @@ class FixMaker:
         self._track = track
         self._store = store
         self._limits = limits
+        _refuse_turned_sides(train, track)
         loci = {facing: [locus_of(track, a.height_m, facing * a.y_m) for a in train.antennas] for facing in (1, -1)}
         self._paths = {facing: paths_of(of) for facing, of in loci.items()}
         self._single = {facing: [paths_of([locus]) for locus in of] for facing, of in loci.items()}
@@ -257,6 +259,18 @@ class FixMaker:
 
     def _map_place(self, place: Place) -> MapPlace:
         return MapPlace(self._track.edges[place.edge_index].id, place.s_m)
+
+
+def _refuse_turned_sides(train: TrainConfig, track: TrackMap) -> None:
+    """Right of the track is as seen towards growing s: where edges run against each other, an antenna off the middle would change sides."""
+    aside = [antenna.id for antenna in train.antennas if antenna.y_m]
+    turned = [(end, other) for end, entered in track.continuations.items() for other in entered if end.last == other.last]
+    if aside and turned:
+        a, b = (track.edges[end.edge].id for end in turned[0])
+        raise ConfigError(
+            f"antenna {aside[0]} is mounted beside the track's middle (y_m), and edges {a} and {b} of map {track.id} run against each "
+            "other: turn one of them round in the map"
+        )
 
 
 def one_receiver(block: ObservationBlock, r: int) -> ObservationBlock:
