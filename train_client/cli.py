@@ -86,7 +86,8 @@ def run(
 
     def show(position: pb.TrainPosition) -> None:
         if as_json:
-            print(json.dumps(MessageToDict(position, preserving_proto_field_name=True)), flush=True)
+            known = MessageToDict(position, preserving_proto_field_name=True)  # protobuf's own JSON, which leaves zeros out
+            print(json.dumps({"status": "POSITION_UNKNOWN", "reasons": [], "facing": 0, "refused_messages": "0"} | known), flush=True)
 
     loaded = load_train(train)
     map_file = track or loaded.map_path
