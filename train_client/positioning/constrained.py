@@ -222,10 +222,11 @@ def _on_track(paths: Paths, near: Near, found: Followed, shape: tuple[int, ...],
     solved = why == SOLVED
     d_m = np.where(solved, d_m, np.nan)
     place = paths.points.pos_ecef_m[segment] + d_m[:, None] * paths.along_ecef[segment]
+    clock_m = clocks_m(near, place)
     return OnTrack(
         segment=segment.reshape(shape) - paths.begins,
         d_m=d_m.reshape(shape),
-        clock_m=clocks_m(near, place).reshape(*shape, -1),
+        clock_m=clock_m.reshape(*shape, clock_m.shape[-1]),
         sigma_m=np.sqrt(1.0 / np.where(solved, s_aa, np.nan)).reshape(shape),
         tpdop=tpdop.reshape(shape),
         sse=sse.reshape(shape),

@@ -11,8 +11,8 @@ import numpy as np
 
 from integrity.gnss.atmosphere import Klobuchar
 from integrity.gnss.ephemeris import SatelliteStates
-from integrity.gnss.observations import BEYOND_MEASURE, Bools, Floats, Ints, ObservationBlock
-from integrity.gnss.positioning import Points, compared, expected
+from integrity.gnss.observations import BEYOND_MEASURE, Bools, Floats, Ints, ObservationBlock, slices
+from integrity.gnss.positioning import Points, Prefit, compared, expected
 from train_client.limits import TrainLimits
 from train_client.positioning.constrained import NO_CONVERGENCE, OnTrack, Paths, Why, solve_on_track
 from train_client.positioning.line import Near, along, sums_of
@@ -89,17 +89,23 @@ def search(
     segments = np.arange(len(paths.length_m)) if among is None else np.unique(among)
     if not len(segments):
         return segments
-    there = Points(*(p[None, segments] for p in paths.points))
-    seen = compared(block, expected(states, block.epoch_ns, there, klobuchar))
-    residual_m = seen.residual_m[0]
-    high = (seen.el_rad[0] >= limits.elevation_mask_rad).all(axis=0)  # the same satellites everywhere
+
+    def seen_from(some: Ints) -> Prefit:
+        there = Points(*(p[None, some] for p in paths.points))
+        return compared(block, expected(states, block.epoch_ns, there, klobuchar))
+
+    residual_m, el_rad = np.empty((2, len(segments), len(system_of)))
+    for few in slices(*residual_m.shape):
+        seen = seen_from(segments[few])
+        residual_m[few], el_rad[few] = seen.residual_m[0], seen.el_rad[0]
+    high = (el_rad >= limits.elevation_mask_rad).all(axis=0)  # the same satellites everywhere
     good = used & high & (np.abs(residual_m) < BEYOND_MEASURE).all(axis=0) & (sigma_m > 0.0) & (sigma_m < np.inf)
     score = np.full(len(paths.length_m), np.inf)
     score[segments] = scores(residual_m, np.where(good, sigma_m, 1.0), good, system_of, n_systems)
 
     local = _local_minima(paths, score)
-    where = np.searchsorted(segments, local)
-    sums = sums_of(residual_m[None, where], seen.los_enu[:, :, where], sigma_m, good, system_of, n_systems)
+    seen = seen_from(local)
+    sums = sums_of(seen.residual_m, seen.los_enu, sigma_m, good, system_of, n_systems)
     near = Near(paths.points.pos_ecef_m[local], paths.points.enu[local], sums)
     at_least = along(near, near.pos_ecef_m, paths.along_ecef[local]).sse
     fits = local[~(at_least > score[local].min() + limits.search_margin)]

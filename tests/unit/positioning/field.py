@@ -133,16 +133,21 @@ def map_s_m(paths: Paths, found: OnTrack) -> Floats:
     return np.stack(per, axis=1)
 
 
+def corner_points() -> Floats:
+    """Ends and middle (3, 3) of two chords of 150 m with a corner of 0.12 rad to the right."""
+    at = build_line(BEGIN, (Piece(300.0),)).at(np.array([0.0, 150.0]))
+    ahead, side = at.tangent[1], np.cross(at.tangent[1], at.pos_ecef_m[1] / np.linalg.norm(at.pos_ecef_m[1]))
+    return np.stack((*at.pos_ecef_m, at.pos_ecef_m[1] + 150.0 * (np.cos(0.12) * ahead + np.sin(0.12) * side)))
+
+
 def corner(aside_m: float) -> tuple[Paths, Heard]:
-    """Two chords of 150 m with a corner of 0.12 rad to the right, and an antenna that stands `aside_m` to the right of the corner."""
-    straight = build_line(BEGIN, (Piece(300.0),))
-    at = straight.at(np.array([0.0, 150.0]))
-    side = np.cross(at.tangent[1], at.pos_ecef_m[1] / np.linalg.norm(at.pos_ecef_m[1]))
-    bent = at.pos_ecef_m[1] + 150.0 * (np.cos(0.12) * at.tangent[1] + np.sin(0.12) * side)
-    points = np.stack((*at.pos_ecef_m, bent))
+    """The corner as a track, and an antenna that stands `aside_m` to the right of it."""
+    points = corner_points()
     paths = paths_on(track_of([Edge("corner", "a", "b", np.array([0.0, 150.0, 300.0]), points, np.zeros(3))]), ANTENNAS[:1])
-    stands = Antenna("front", fixed((paths.points.pos_ecef_m[1] + aside_m * side).tolist()))
-    return paths, heard_by([stands], run_of(straight, START_NS, 152.0, []), ANTENNAS[:1], 3.0, 1.0, SILENT)
+    side = np.cross(points[1] - points[0], points[1])
+    stands = paths.points.pos_ecef_m[1] + aside_m * side / np.linalg.norm(side)
+    run = run_of(build_line(BEGIN, (Piece(300.0),)), START_NS, 152.0, [])
+    return paths, heard_by([Antenna("front", fixed(stands.tolist()))], run, ANTENNAS[:1], 3.0, 1.0, SILENT)
 
 
 def cut(told: Heard, some: slice) -> Heard:

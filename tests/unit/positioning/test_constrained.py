@@ -85,6 +85,16 @@ def test_too_many_hops_are_refused(paths: Paths, silent: Heard) -> None:
     assert (solved(paths, cut(silent, slice(-1, None)), begin).why == Why.NO_CONVERGENCE).all()
 
 
+def test_a_new_linearisation_buys_no_more_hops() -> None:
+    """Twenty hops of 20 m lead beyond where it would be linearised again."""
+    straight = build_line(BEGIN, (Piece(1000.0),))
+    paths = paths_on(track_of([edge("straight", ("a", "b"), np.arange(0.0, 1001.0, 20.0), of=straight)]))
+    told = heard(front_m=700.0, seconds=1.0, rate_hz=1.0, on=straight)
+    begin = segments_near(paths, told.s_m)
+    reached = [bool(solved(paths, told, begin - hops).solved.all()) for hops in (20, 21)]
+    assert reached == [True, False]
+
+
 def test_far_from_the_beginning_of_a_long_segment_it_is_linearised_again() -> None:
     """On one chord of 1 km the first order alone would be 2 cm off at its end."""
     straight = build_line(BEGIN, (Piece(1000.0),))

@@ -14,6 +14,7 @@ from tests.unit.positioning.field import (
     NOISE_03,
     Heard,
     corner,
+    corner_points,
     cut,
     edge,
     heard,
@@ -26,7 +27,7 @@ from train_client.limits import TrainLimits
 from train_client.positioning.constrained import Paths, Why
 from train_client.positioning.sections import Located, Search, locate, reference_satellite_score, scores, search
 from train_client.simulate.line import Piece, build_line
-from train_client.track.track_map import Switch
+from train_client.track.track_map import Edge, Switch
 
 HERE_M = 300.0  # where the front antenna is, on the first epoch
 
@@ -151,17 +152,40 @@ def test_minima_that_cannot_reach_the_best_are_left_out(noisy: Heard) -> None:
     assert {int(paths.loci[0].edge[segment]) for segment in candidates(paths, noisy)} == {1}
 
 
-def test_what_exceeds_the_best_by_more_than_the_margin_is_dismissed(noisy: Heard) -> None:
-    s_m = map_points()
-    paths = paths_on(track_of([edge("one", ("a", "b"), s_m), edge("two", ("c", "d"), s_m, lifted=0.5)]), ANTENNAS[:1])
-    both = looked(paths, noisy).hypotheses
+@pytest.fixture(scope="module")
+def between() -> Heard:
+    """At 210 m, on the straight."""
+    return heard(front_m=212.0, speed_mps=0.0, seconds=1.0, rate_hz=1.0, errors=NOISE_03, antennas=ANTENNAS[:1])
+
+
+def two_tracks(first_point_m: float) -> Paths:
+    """Half a metre apart; the points of the second begin elsewhere than those of the first."""
+    s_m = np.arange(0.0, 300.0, 20.0)
+    edges = [edge("one", ("a", "b"), s_m), edge("two", ("c", "d"), first_point_m + s_m[:-1], lifted=0.5)]
+    return paths_on(track_of(edges), ANTENNAS[:1])
+
+
+def test_how_near_a_point_of_the_map_lies_decides_nothing(between: Heard) -> None:
+    """The second track has a point where the antenna is; of the first, the next one is 10 m (80 sigma) away."""
+    assert looked(two_tracks(10.0), between).outcome is Search.AMBIGUOUS
+
+
+def test_what_exceeds_the_best_by_more_than_the_margin_is_dismissed(between: Heard) -> None:
+    both = looked(two_tracks(0.0), between).hypotheses
     apart = both[1].sse - both[0].sse
-    told = [len(looked(paths, noisy, limits=replace(LIMITS, search_margin=apart * share)).hypotheses) for share in (1.001, 0.999)]
+    told = [len(looked(two_tracks(0.0), between, limits=replace(LIMITS, search_margin=apart * x)).hypotheses) for x in (1.001, 0.999)]
     assert told == [2, 1]
 
 
-def test_inside_a_corner_two_solutions_are_one_place() -> None:
-    paths, told = corner(4.0)
+def test_inside_a_corner_between_edges_two_solutions_are_one_place() -> None:
+    """From the trunk and from the branch that continues it with a corner, on both of which the antenna has a place."""
+    points, (_, told) = corner_points(), corner(2.0)
+    side = np.cross(points[1] - points[0], points[1])
+    away = np.stack((points[1], points[1] - 150.0 * side / np.linalg.norm(side)))
+    s_m = np.array([0.0, 150.0])
+    chords = {"trunk": ("a", "m", points[:2]), "on": ("m", "b", points[1:]), "away": ("m", "c", away)}
+    edges = [Edge(name, begins, ends, s_m, pos, np.zeros(2)) for name, (begins, ends, pos) in chords.items()]
+    paths = paths_on(track_of(edges, [Switch("m", (("trunk", "on"), ("trunk", "away")))]), ANTENNAS[:1])
     assert {looked(paths, told, epoch, limits=NO_LIMIT).outcome for epoch in range(3)} == {Search.LOCATED}
 
 

@@ -1,0 +1,145 @@
+"""Confirm, then use: each epoch that waits is handed back once at most, and only to a message that covers it."""
+
+from typing import Any
+
+import pytest
+
+from integrity.messages import wayside_pb2 as pb
+from train_client.localisation.coverage import MOST_REMEMBERED, MOST_WAITING, Coverage, Vouched, vouched_by
+
+SIGNALS = frozenset({"G05.1C", "E11.1C"})
+
+
+def vouched(from_ns: int, to_ns: int, signals: frozenset[str] = SIGNALS) -> Vouched:
+    return Vouched(from_ns, to_ns, signals)
+
+
+def waiting(*epochs_ns: int) -> Coverage[str]:
+    coverage: Coverage[str] = Coverage()
+    for gps_ns in epochs_ns:
+        coverage.wait(gps_ns, f"fix {gps_ns}")
+    return coverage
+
+
+def fixes(*epochs_ns: int) -> list[str]:
+    return [f"fix {gps_ns}" for gps_ns in epochs_ns]
+
+
+@pytest.mark.parametrize("gps_ns, covered", [(9, False), (10, True), (15, True), (20, True), (21, False)])
+def test_both_ends_are_covered_and_nothing_beyond(gps_ns: int, covered: bool) -> None:
+    assert vouched(10, 20).covers(gps_ns) is covered
+
+
+@pytest.mark.parametrize("gps_ns", [0, 15, 21])
+def test_a_message_that_ends_before_it_begins_covers_nothing(gps_ns: int) -> None:
+    assert not vouched(20, 10).covers(gps_ns)
+
+
+def test_a_message_for_one_epoch_covers_it() -> None:
+    assert vouched(10, 10).covers(10)
+
+
+def health(**changes: Any) -> pb.Health:
+    fields: dict[str, Any] = {"covers_from_gps_ns": 10, "covers_to_gps_ns": 20, "monitored": ["G05.1C", "G051.1C", "E11.1C"]}
+    return pb.Health(**(fields | changes))
+
+
+def test_a_message_vouches_for_what_it_names() -> None:
+    assert vouched_by(health()) == Vouched(10, 20, frozenset({"G05.1C", "G051.1C", "E11.1C"}))
+
+
+def test_an_excluded_satellite_is_not_vouched_for() -> None:
+    assert vouched_by(health(excluded_satellites=["G05", "G07"])) == Vouched(10, 20, frozenset({"G051.1C", "E11.1C"}))
+
+
+@pytest.mark.parametrize("missing", [["covers_from_gps_ns"], ["covers_to_gps_ns"], ["covers_from_gps_ns", "covers_to_gps_ns"]])
+def test_a_message_that_does_not_say_for_which_epochs_vouches_for_none(missing: list[str]) -> None:
+    assert vouched_by(health(**dict.fromkeys(missing))) is None
+
+
+def test_a_message_that_begins_with_the_beginning_of_gnss_time_does_say_so() -> None:
+    assert vouched_by(health(covers_from_gps_ns=0, monitored=[])) == Vouched(0, 20, frozenset())
+
+
+def test_nothing_is_covered_at_first() -> None:
+    assert (waiting().of(0), waiting().latest) == (None, None)
+
+
+@pytest.mark.parametrize("gps_ns, expected", [(10, 0), (14, 0), (15, 1), (20, 1), (25, 1), (26, None)])
+def test_of_several_messages_the_latest_counts(gps_ns: int, expected: int | None) -> None:
+    messages = (vouched(10, 20, frozenset({"G05.1C"})), vouched(15, 25, frozenset({"G07.1C"})))
+    coverage = waiting()
+    for message in messages:
+        coverage.vouch(message)
+    assert coverage.of(gps_ns) == (None if expected is None else messages[expected])
+
+
+def test_the_latest_is_the_one_that_came_last() -> None:
+    coverage = waiting()
+    coverage.vouch(vouched(10, 20))
+    coverage.vouch(vouched(5, 9))
+    assert coverage.latest == vouched(5, 9)
+
+
+@pytest.mark.parametrize(
+    "message, handed_back, still_waiting",
+    [
+        (vouched(10, 12), (10, 11, 12), (13,)),
+        (vouched(11, 12), (11, 12), (13,)),  # 10 is older, and no later message covers it
+        (vouched(12, 12), (12,), (13,)),
+        (vouched(0, 9), (), (10, 11, 12, 13)),
+        (vouched(13, 99), (13,), ()),
+        (vouched(14, 99), (), ()),
+        (vouched(12, 11), (), (12, 13)),
+    ],
+)
+def test_what_a_message_gives_back_and_what_goes_on_waiting(
+    message: Vouched, handed_back: tuple[int, ...], still_waiting: tuple[int, ...]
+) -> None:
+    coverage = waiting(10, 11, 12, 13)
+    found = (coverage.vouch(message), coverage.vouch(vouched(0, 10**9)))
+    assert found == (fixes(*handed_back), fixes(*still_waiting))
+
+
+def test_nothing_is_given_back_twice() -> None:
+    coverage = waiting(10, 11, 12)
+    coverage.vouch(vouched(10, 11))
+    assert coverage.vouch(vouched(10, 12)) == fixes(12)
+
+
+def test_messages_one_epoch_each_give_back_every_epoch_once_and_in_order() -> None:
+    coverage = waiting(*range(10, 20))
+    assert [fix for gps_ns in range(10, 20) for fix in coverage.vouch(vouched(gps_ns - 3, gps_ns))] == fixes(*range(10, 20))
+
+
+def test_after_forgetting_nothing_waits() -> None:
+    coverage = waiting(10, 11)
+    coverage.forget()
+    assert coverage.vouch(vouched(0, 99)) == []
+
+
+def test_after_forgetting_nothing_is_covered() -> None:
+    coverage = waiting()
+    coverage.vouch(vouched(10, 20))
+    coverage.forget()
+    assert (coverage.of(15), coverage.latest) == (None, None)
+
+
+def test_where_too_many_wait_the_oldest_goes() -> None:
+    coverage = waiting(*range(MOST_WAITING + 1))
+    assert coverage.vouch(vouched(0, 10**9)) == fixes(*range(1, MOST_WAITING + 1))
+
+
+def test_a_bounded_number_waits_after_a_message_too() -> None:
+    coverage = waiting(*range(MOST_WAITING))
+    coverage.vouch(vouched(0, 1))
+    for gps_ns in range(MOST_WAITING, 2 * MOST_WAITING):
+        coverage.wait(gps_ns, f"fix {gps_ns}")
+    assert coverage.vouch(vouched(0, 10**9)) == fixes(*range(MOST_WAITING, 2 * MOST_WAITING))
+
+
+def test_a_bounded_number_of_messages_is_remembered() -> None:
+    coverage = waiting()
+    for n in range(MOST_REMEMBERED + 1):
+        coverage.vouch(vouched(10 * n, 10 * n + 9))
+    assert (coverage.of(9), coverage.of(10)) == (None, vouched(10, 19))
