@@ -95,6 +95,26 @@ class Prefit:
         freeze(self)
 
 
+class Design(NamedTuple):
+    """What a solution is made of before anything is measured: of the satellites `used` (E, R, S), weights `w`, weighted directions `wu`
+    (3, E, R, S), and per constellation (E, R, K) the weight `safe` (1 where there is none), the mean direction `u_mean` (3, E, R, K), and
+    whether it has `no_clock`; inverse of the normal matrix `C` (3, 3, E, R); and what of the `Solution` is known, `unsolved` where none."""
+
+    used: Bools
+    system_of: Ints
+    member: Floats  # (S, K): 1 where the satellite is of the constellation
+    w: Floats
+    wu: Floats
+    safe: Floats
+    u_mean: Floats
+    C: Floats
+    no_clock: Bools
+    unsolved: Bools
+    cov_enu_m2: Floats
+    n_used: Ints
+    why: Ints
+
+
 @dataclass(frozen=True, eq=False)
 class Solution:
     """Displacements from the points: `e_enu_m` and, in order of `SYSTEMS`, `clock_m`; (E, R, 3) and (E, R, K); NaN where unsolved.
@@ -213,42 +233,73 @@ def solve(residual_m: Floats, los_enu: Floats, sigma_m: Floats, used: Bools, sys
     A satellite alone in its constellation determines only a clock. Geometry is refused where its weighted PDOP, sqrt(tr(C) mean(w)),
     exceeds 100.
     """
-    used = used & np.isfinite(residual_m)
+    return solution(design(los_enu, sigma_m, used & np.isfinite(residual_m), system_of, n_systems), residual_m)
+
+
+def design(los_enu: Floats, sigma_m: Floats, used: Bools, system_of: Ints, n_systems: int) -> Design:
+    """The part of `solve` that needs no measurement, for satellites `used` all of which will have been measured."""
+    used = np.broadcast_to(used, los_enu.shape[1:])
     w = np.where(used, 1.0 / sigma_m**2, 0.0)
-    y = np.where(used, residual_m, 0.0)
     u = np.where(used, los_enu, 0.0)
 
     member = (system_of[:, None] == np.arange(n_systems)).astype(np.float64)  # (S, K)
     weight = _per_system(w, member)  # (E, R, K)
     count = _per_system(used.astype(np.float64), member)
     safe = np.where(weight > 0.0, weight, 1.0)
-    y_mean = _per_system(w * y, member) / safe
     wu = w * u
     u_mean = _per_system(wu, member) / safe  # (3, E, R, K)
-    dy = y - y_mean[..., system_of]
 
     N = _products(wu, u) - _products(weight * u_mean, u_mean)
     C, determinant = _inverse(N)
-    b = -(wu * dy).sum(axis=-1)  # a range shrinks when the receiver moves towards the satellite
-    e = np.moveaxis((C * b).sum(axis=1), 0, -1)
 
     n_used = used.sum(axis=-1)
     n_clocks = (count > 0).sum(axis=-1)
     with np.errstate(invalid="ignore"):
         pdop2 = (C[0, 0] + C[1, 1] + C[2, 2]) * weight.sum(axis=-1) / np.maximum(n_used, 1)
-        poor = ~((determinant > 0.0) & (pdop2 <= MOST_PDOP**2) & np.isfinite(e).all(axis=-1))
+        poor = ~((determinant > 0.0) & (pdop2 <= MOST_PDOP**2))
     why = np.where(n_used < 3 + n_clocks, Unsolved.TOO_FEW_SATELLITES, np.where(poor, Unsolved.POOR_GEOMETRY, Unsolved.SOLVED))
-
     unsolved = why != Unsolved.SOLVED
-    e[unsolved] = np.nan
-    clock = y_mean + (u_mean * np.moveaxis(e, -1, 0)[..., None]).sum(axis=0)
-    clock[count == 0] = np.nan
-    return Solution(
-        e_enu_m=e,
-        clock_m=clock,
-        cov_enu_m2=np.where(unsolved[..., None, None], np.nan, np.moveaxis(C, (0, 1), (-2, -1))),
+    return Design(
+        used=used,
+        system_of=system_of,
+        member=member,
+        w=w,
+        wu=wu,
+        safe=safe,
+        u_mean=u_mean,
+        C=C,
+        no_clock=count == 0,
+        unsolved=unsolved,
+        cov_enu_m2=np.where(unsolved[..., None, None], np.nan, C.transpose(2, 3, 0, 1)),
         n_used=n_used,
         why=why,
+    )
+
+
+def solution(of: Design, residual_m: Floats) -> Solution:
+    """What the residuals (E, R, S) make of a design."""
+    y = np.where(of.used, residual_m, 0.0)
+    y_mean = _per_system(of.w * y, of.member) / of.safe
+    dy = y - y_mean[..., of.system_of]
+    b = -(of.wu * dy).sum(axis=-1)  # a range shrinks when the receiver moves towards the satellite
+    e = (of.C * b).sum(axis=1)
+    e[:, of.unsolved] = np.nan
+    clock = y_mean + (of.u_mean * e[..., None]).sum(axis=0)
+    clock[of.no_clock] = np.nan
+    return _without_infinite(Solution(e.transpose(1, 2, 0), clock, of.cov_enu_m2, of.n_used, of.why))
+
+
+def _without_infinite(found: Solution) -> Solution:
+    """A displacement beyond all numbers is none: its geometry was poorer than its PDOP said."""
+    broken = found.solved & ~np.isfinite(found.e_enu_m).all(axis=-1)
+    if not broken.any():
+        return found
+    return Solution(
+        e_enu_m=np.where(broken[..., None], np.nan, found.e_enu_m),
+        clock_m=np.where(broken[..., None], np.nan, found.clock_m),
+        cov_enu_m2=np.where(broken[..., None, None], np.nan, found.cov_enu_m2),
+        n_used=found.n_used,
+        why=np.where(broken, Unsolved.POOR_GEOMETRY, found.why),
     )
 
 
