@@ -1,21 +1,46 @@
 """Positions, every statistic, every check of a block: step 4 of the main path, memoryless."""
 
 from dataclasses import dataclass
+from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 
-from integrity.config import SiteConfig
+from integrity.config import IntegrityConfig, SiteConfig
 from integrity.exclusion import SatelliteStatistics
 from integrity.gnss.observations import Bools, Floats
-from integrity.gnss.positioning import Points, Solution, positions
+from integrity.gnss.positioning import Design, Points, Solution, design, relinearised, solution
+from integrity.gnss.signals import SYSTEMS
 from integrity.limits import Limits
-from integrity.monitors.residuals import worst
+from integrity.monitors.residuals import ClockDesign, clock_design
 from integrity.monitors.streams import missing_satellites, second_worst
-from integrity.monitors.triangles import TriangleStatistics, Variances, triangle_statistics, variances
-from integrity.sight import Sight
+from integrity.monitors.triangles import NamingStatistics, TriangleStatistics, Variances, naming_statistics, triangle_statistics, variances
+from integrity.sight import Sight, Sky
 from integrity.stream_memory import StreamStatistics
 from integrity.triangle import ReferenceTriangle
 from integrity.verdict import Checks, judge
+
+
+class Geometry(NamedTuple):
+    """What the satellites `used` (E, S) of a sky promise before anything is measured: how clocks and positions follow from ranges, and
+    the variances of those positions."""
+
+    sky: Sky
+    used: Bools
+    clocks: ClockDesign
+    position: Design
+    var: Variances
+
+    def is_of(self, sky: Sky, used: Bools) -> bool:
+        """Whether it is the geometry of these satellites in this very sky."""
+        return self.sky is sky and np.array_equal(self.used, used)
+
+
+def geometry_of(sky: Sky, used: Bools, promises: IntegrityConfig) -> Geometry:
+    """The geometry of satellites, all of which every receiver measures."""
+    position = design(sky.expected.los_enu, sky.sigma_m[:, None, :], used[:, None, :], sky.system_of, len(SYSTEMS))
+    clocks = clock_design(sky.sigma_m, used, sky.system_of, len(SYSTEMS))
+    return Geometry(sky, used, clocks, position, variances(position.cov_enu_m2, promises))
 
 
 @dataclass(frozen=True, eq=False)
@@ -26,15 +51,21 @@ class BlockChecks:
     used: Bools
     solution: Solution
     var: Variances
+    reference: ReferenceTriangle
     triangle: TriangleStatistics
     checks: Checks
     residual_sigmas: Floats
     b_m: Floats
 
+    @cached_property
+    def naming(self) -> NamingStatistics:
+        """Asked only where something failed."""
+        return naming_statistics(self.solution.e_enu_m, self.var, self.reference)
+
 
 def check(
     sight: Sight,
-    used: Bools,
+    geometry: Geometry,
     shown: SatelliteStatistics,
     streams: StreamStatistics,
     points: Points,
@@ -42,32 +73,24 @@ def check(
     site: SiteConfig,
     limits: Limits,
 ) -> BlockChecks:
-    """All checks of a block on the satellites `used` (E, S), which make the satellites show `shown`."""
-    s = sight.satellites
-    solution = positions(
-        sight.block,
-        sight.sky.states,
-        points,
-        sight.sky.klobuchar,
-        sight.at_points,
-        s.sigma_m[:, None, :],
-        used[:, None, :],
-        s.system_of,
-        s.n_systems,
-    )
-    var = variances(solution.cov_enu_m2, site.integrity)
-    of_triangle = triangle_statistics(solution.e_enu_m, var, triangle)
+    """All checks of a block on the satellites of `geometry`, which make the satellites show `shown`."""
+    sky, position = sight.sky, geometry.position
+    found = relinearised(solution(position, sight.at_points.residual_m), position, sight.block, sky.states, points, sky.klobuchar)
+    as_designed = found.cov_enu_m2 is position.cov_enu_m2
+    var = geometry.var if as_designed else variances(found.cov_enu_m2, site.integrity)
+    of_triangle = triangle_statistics(found.e_enu_m, var, triangle)
     statistics = {f"circle_{name}": of_triangle.circle_m[:, r] for r, name in enumerate(site.receiver_names)} | {
-        "data": missing_satellites(used, limits.min_common_satellites),
+        "data": missing_satellites(geometry.used, limits.min_common_satellites),
         "repeat": streams.repeating.sum(axis=1).astype(np.float64),
         "common": of_triangle.common,
         "common_3d": of_triangle.common_3d,
         "shape": of_triangle.shape,
         "shape_3d": of_triangle.shape_3d,
         "collapse": of_triangle.collapse,
-        "residual": worst(shown.residual_sigmas, used),
-        "b_value": worst(np.abs(shown.b_sigmas).max(axis=1), used),
+        "residual": shown.worst_residual,
+        "b_value": shown.worst_b,
         "cn0": second_worst(streams.cn0_drop_db),
         "loss": second_worst(streams.lost_share),
     }
-    return BlockChecks(used, solution, var, of_triangle, judge(statistics, limits), shown.residual_sigmas, shown.b_m)
+    checks = judge(statistics, limits)
+    return BlockChecks(geometry.used, found, var, triangle, of_triangle, checks, shown.residual_sigmas, shown.b_m)

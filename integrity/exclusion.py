@@ -25,10 +25,12 @@ import numpy as np
 from integrity.gnss.observations import Bools, Floats, Ints
 from integrity.limits import Limits
 from integrity.monitors.residuals import (
+    ClockDesign,
     b_values_m,
-    known_point_residuals,
+    clock_design,
     normalised_b_values,
     seen_by_all,
+    without_clocks,
     without_lone_satellites,
     worst,
 )
@@ -72,17 +74,27 @@ class SatelliteInputs(NamedTuple):
 
     def statistics(self, used: Bools) -> "SatelliteStatistics":
         """What the satellites show, with clocks from those `used` (E, S)."""
-        known = known_point_residuals(self.prefit_m, self.sigma_m, used, self.system_of, self.n_systems)
+        return self.statistics_by(clock_design(self.sigma_m, used, self.system_of, self.n_systems))
+
+    def statistics_by(self, clocks: ClockDesign) -> "SatelliteStatistics":
+        """The same by a design that is there already."""
+        known = without_clocks(clocks, self.prefit_m)
+        residual_sigmas = seen_by_all(known.normalised)
         b_m = b_values_m(known.residual_m)
-        return SatelliteStatistics(seen_by_all(known.normalised), b_m, normalised_b_values(b_m, self.sigma_differential_m))
+        b_sigmas = normalised_b_values(b_m, self.sigma_differential_m)
+        worst_residual, worst_b = worst(residual_sigmas, clocks.used), worst(np.abs(b_sigmas).max(axis=1), clocks.used)
+        return SatelliteStatistics(residual_sigmas, b_m, b_sigmas, worst_residual, worst_b)
 
 
 class SatelliteStatistics(NamedTuple):
-    """`residual_sigmas` (E, S), the normalised residual that all receivers share; B-values `b_m` and, in sigmas, `b_sigmas` (E, R, S)."""
+    """`residual_sigmas` (E, S), the normalised residual that all receivers share; B-values `b_m` and, in sigmas, `b_sigmas` (E, R, S);
+    of each the worst among the satellites used, `worst_residual` and `worst_b` (E,)."""
 
     residual_sigmas: Floats
     b_m: Floats
     b_sigmas: Floats
+    worst_residual: Floats
+    worst_b: Floats
 
 
 @dataclass(frozen=True)
@@ -118,9 +130,7 @@ def walk(
 
     `on_screened` is what the satellites show when all that were screened are used.
     """
-    worst_residual = worst(on_screened.residual_sigmas, inputs.screened)
-    worst_b = worst(np.abs(on_screened.b_sigmas).max(axis=1), inputs.screened)
-    quiet = (worst_residual <= limits["residual"]) & (worst_b <= limits["b_value"])
+    quiet = (on_screened.worst_residual <= limits["residual"]) & (on_screened.worst_b <= limits["b_value"])
     used = np.array(inputs.screened)
     tables: list[Table] = []
     channels: list[tuple[Channel, ...]] = []
@@ -170,18 +180,18 @@ def _failing_channels(
     """The worst B-value first, clocks estimated again after each; nothing unless one channel per receiver explains all."""
     channels: list[Channel] = []
     for _ in range(len(receivers)):
-        statistic, _, b = inputs.statistics(used)
+        shown = inputs.statistics(used)
+        b = shown.b_sigmas
         sizes = np.where(used[0] & np.isfinite(b[0]), np.abs(b[0]), -np.inf)
         if sizes.max(initial=-np.inf) <= limits["b_value"]:
             return tuple(channels)
         r, s = divmod(int(np.argmax(sizes)), len(satellites))
-        own_trouble = statistic[0, s] <= limits["residual"] and receivers[r] not in {c.receiver for c in channels}
+        own_trouble = shown.residual_sigmas[0, s] <= limits["residual"] and receivers[r] not in {c.receiver for c in channels}
         if not own_trouble or used.sum() <= limits.min_common_satellites:
             return ()
         channels.append(Channel(receivers[r], satellites[s], float(sizes[r, s]), limits["b_value"]))
         used = without_lone_satellites(used & ~np.isin(satellites, [satellites[s]]), inputs.system_of, inputs.n_systems)
-    b = inputs.statistics(used).b_sigmas
-    return tuple(channels) if worst(np.abs(b).max(axis=1), used)[0] <= limits["b_value"] else ()
+    return tuple(channels) if inputs.statistics(used).worst_b[0] <= limits["b_value"] else ()
 
 
 def _watched(exclusion: Exclusion, clean: bool, gps_ns: int, limits: Limits) -> Exclusion | None:
@@ -205,8 +215,9 @@ def _failing_satellites(
     """
     failing: dict[str, Exclusion] = {}
     for _ in range(limits.max_exclusions_per_epoch):
-        statistic, _, b = inputs.statistics(used)
-        if not used.any() or worst(statistic, used)[0] <= limits["residual"]:
+        shown = inputs.statistics(used)
+        statistic, b = shown.residual_sigmas, shown.b_sigmas
+        if not used.any() or shown.worst_residual[0] <= limits["residual"]:
             return failing
         suspect = int(np.argmax(np.where(used[0] & np.isfinite(statistic[0]), statistic[0], -np.inf)))
         blamable = (
@@ -220,5 +231,4 @@ def _failing_satellites(
         satellite = satellites[suspect]
         failing[satellite] = Exclusion(satellite, gps_ns, "residual", float(statistic[0, suspect]), limits["residual"])
         used = without_lone_satellites(used & ~np.isin(satellites, [satellite]), inputs.system_of, inputs.n_systems)
-    statistic = inputs.statistics(used).residual_sigmas
-    return failing if worst(statistic, used)[0] <= limits["residual"] else {}
+    return failing if inputs.statistics(used).worst_residual[0] <= limits["residual"] else {}

@@ -14,11 +14,12 @@ The way of a block of epochs:
 
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field
+from typing import NamedTuple
 
 import numpy as np
 
 from integrity.assembler import AlignedEpoch, Assembler, AssemblerState, Interruption
-from integrity.checks import BlockChecks, check
+from integrity.checks import BlockChecks, Geometry, check, geometry_of
 from integrity.config import SiteConfig
 from integrity.events import Event
 from integrity.exclusion import Exclusion, SatelliteStatistics, Table, Walk, walk, without_channels
@@ -73,6 +74,20 @@ class _Decided:
     suspected: Bools
 
 
+class _Last(NamedTuple):
+    """What the next epoch probably shares with the last one: its signals, and satellites used (1, S), with and without exclusions."""
+
+    sky: Sky
+    used: tuple[Bools, ...]
+
+
+class _Ahead(NamedTuple):
+    """What was computed before an epoch was there."""
+
+    sky: Sky
+    geometries: tuple[Geometry, ...]
+
+
 class StationMonitor:
     """Decides for one site. `snapshot()` may be taken between any two calls of `feed`."""
 
@@ -90,8 +105,8 @@ class StationMonitor:
         self._health = start.health
         self._sequence = start.sequence
         self._streams = start.streams
-        self._sky: Sky | None = None  # of the last block
-        self._ahead: Sky | None = None
+        self._last: _Last | None = None
+        self._ahead: _Ahead | None = None
 
     def feed(self, events: Iterable[Event]) -> list[Output]:
         """Decide what the events complete."""
@@ -111,11 +126,13 @@ class StationMonitor:
         return outputs + self._block(run) if run else outputs
 
     def look_ahead(self) -> None:
-        """Compute the sky of the next epoch while there is time. It changes no decision, only how soon the next one is there."""
-        last_ns, sky = self._assembler.last_epoch_ns, self._sky
-        if last_ns is not None and sky is not None:
-            next_ns = np.array([last_ns + self.site.epoch_interval_ns])
-            self._ahead = sky_of(sky.satellites, next_ns, (len(self._store),), sky.klobuchar, self._store, self._points, self.site)
+        """Compute what the next epoch is going to need, should it go on as the last one did, while there is time. It changes no decision,
+        only how soon the next one is there."""
+        last_ns, last = self._assembler.last_epoch_ns, self._last
+        if last_ns is not None and last is not None:
+            next_ns, arrived = np.array([last_ns + self.site.epoch_interval_ns]), (len(self._store),)
+            sky = sky_of(last.sky.satellites, next_ns, arrived, last.sky.klobuchar, self._store, self._points, self.site)
+            self._ahead = _Ahead(sky, tuple(geometry_of(sky, used, self.site.integrity) for used in last.used))
 
     @property
     def next_deadline_ns(self) -> int | None:
@@ -142,30 +159,41 @@ class StationMonitor:
 
     def _block(self, epochs: Sequence[AlignedEpoch]) -> list[Output]:
         decided = self._decided(epochs)
-        self._streams, self._exclusions, self._sky = decided.memory, decided.walked.table, decided.sight.sky
+        self._streams, self._exclusions, self._last = decided.memory, decided.walked.table, _last_of(decided)
         return [output for e, epoch in enumerate(epochs) for output in self._epoch(decided, e, epoch)]
 
     def _decided(self, epochs: Sequence[AlignedEpoch]) -> _Decided:
         """Steps 2 to 4; remembers nothing."""
         remembered = self._streams.signals_since(epochs[0].epoch_ns - self.limits.remember_satellite_ns)
-        sight = observe(epochs, self._store, self._points, self.site, self.limits, remembered, self._ahead)
+        sight = observe(epochs, self._store, self._points, self.site, self.limits, remembered, self._ahead and self._ahead.sky)
         memory, streams = advance(self._streams, sight.block, sight.at_points.el_rad, sight.sky.healthy, self.limits)
         screened = sight.satellites.screened
-        on_screened = sight.satellites.statistics(screened)
+        of_screened = self._geometry(sight.sky, screened)
+        on_screened = sight.satellites.statistics_by(of_screened.clocks)
         walked = self._walk(sight, on_screened)
 
-        def checked(used: Bools) -> BlockChecks:
-            shown = on_screened if used is screened else sight.satellites.statistics(used)
-            return check(sight, used, shown, streams, self._points, self.triangle, self.site, self.limits)
+        def checked_by(geometry: Geometry, shown: SatelliteStatistics) -> BlockChecks:
+            return check(sight, geometry, shown, streams, self._points, self.triangle, self.site, self.limits)
 
-        alone = checked(screened)
+        def checked(used: Bools) -> BlockChecks:
+            geometry = self._geometry(sight.sky, used)
+            return checked_by(geometry, sight.satellites.statistics_by(geometry.clocks))
+
+        alone = checked_by(of_screened, on_screened)
         full = alone if np.array_equal(walked.used, screened) else checked(walked.used)
         if any(walked.channels):
             walked, full = _leave_out_channels(sight, walked, full, checked)
         clean, clean_alone = clean_epochs(full.checks, "full"), clean_epochs(alone.checks, "triangle")
         nobody = np.zeros(full.solution.why.shape, dtype=np.bool_)
-        suspected = nobody if clean.all() else suspects(full.triangle, self.limits)
+        suspected = nobody if clean.all() else suspects(full.triangle.circle_m, full.naming, self.limits)
         return _Decided(sight, memory, streams, walked, full, alone, clean, clean_alone, suspected)
+
+    def _geometry(self, sky: Sky, used: Bools) -> Geometry:
+        """The one that was computed ahead, if it is of these satellites."""
+        for geometry in self._ahead.geometries if self._ahead else ():
+            if geometry.is_of(sky, used):
+                return geometry
+        return geometry_of(sky, used, self.site.integrity)
 
     def _walk(self, sight: Sight, on_screened: SatelliteStatistics) -> Walk:
         if self.site.integrity.rule == "triangle":
@@ -222,7 +250,7 @@ class StationMonitor:
             repeating=decided.streams.repeating[e],
             named=named_receiver(
                 decided.suspected[e],
-                full.triangle.log_likelihood_ratio[e],
+                full.naming.log_likelihood_ratio[e],
                 e_enu_m,
                 full.var.common[e],
                 full.var.differential[e],
@@ -231,7 +259,7 @@ class StationMonitor:
                 self.site.integrity,
                 limits,
             ),
-            collapsed=bool(full.triangle.collapse_fit[e] <= limits.collapse_fit),
+            collapsed=bool(full.naming.collapse_fit[e] <= limits.collapse_fit),
             exclusions=exclusions,
             enough_without_exclusion=bool(decided.alone.solution.n_used[e].min() >= limits.min_common_satellites),
             swapped=swapped_receivers(e_enu_m, self.triangle, limits),
@@ -276,6 +304,11 @@ class StationMonitor:
         if (before.state, before.cause, before.subjects) == (now.state, now.cause, now.subjects):
             return []
         return [Alert(gps_ns, mono_ns, before.state, now.state, now.cause, now.subjects, reasons)]
+
+
+def _last_of(decided: _Decided) -> _Last:
+    alone, full = decided.alone.used[-1:], decided.full.used[-1:]
+    return _Last(decided.sight.sky, (full,) if np.array_equal(alone, full) else (full, alone))
 
 
 def _leave_out_channels(sight: Sight, walked: Walk, full: BlockChecks, checked: Callable[[Bools], BlockChecks]) -> tuple[Walk, BlockChecks]:

@@ -96,21 +96,20 @@ class Prefit:
 
 
 class Design(NamedTuple):
-    """What a solution is made of before anything is measured: of the satellites `used` (E, R, S), weights `w`, weighted directions `wu`
-    (3, E, R, S), and per constellation (E, R, K) the weight `safe` (1 where there is none), the mean direction `u_mean` (3, E, R, K), and
-    whether it has `no_clock`; inverse of the normal matrix `C` (3, 3, E, R); and what of the `Solution` is known, `unsolved` where none."""
+    """A solution before anything is measured: all of it that follows from where the satellites `used` are. Symbols as in `design`."""
 
-    used: Bools
-    system_of: Ints
-    member: Floats  # (S, K): 1 where the satellite is of the constellation
-    w: Floats
-    wu: Floats
-    safe: Floats
-    u_mean: Floats
-    C: Floats
-    no_clock: Bools
-    unsolved: Bools
-    cov_enu_m2: Floats
+    used: Bools  # (E, R, S)
+    sigma_m: Floats  # as given
+    system_of: Ints  # (S,)
+    member: Floats  # (S, K): one where the satellite is of the constellation
+    w: Floats  # (E, R, S)
+    wu: Floats  # (3, E, R, S)
+    safe: Floats  # (E, R, K): weight of the constellation, one where it has none
+    u_mean: Floats  # (3, E, R, K)
+    no_clock: Bools  # (E, R, K)
+    C: Floats  # (3, 3, E, R)
+    unsolved: Bools  # (E, R)
+    cov_enu_m2: Floats  # this and the rest go into the `Solution` as they are
     n_used: Ints
     why: Ints
 
@@ -261,14 +260,15 @@ def design(los_enu: Floats, sigma_m: Floats, used: Bools, system_of: Ints, n_sys
     unsolved = why != Unsolved.SOLVED
     return Design(
         used=used,
+        sigma_m=sigma_m,
         system_of=system_of,
         member=member,
         w=w,
         wu=wu,
         safe=safe,
         u_mean=u_mean,
-        C=C,
         no_clock=count == 0,
+        C=C,
         unsolved=unsolved,
         cov_enu_m2=np.where(unsolved[..., None, None], np.nan, C.transpose(2, 3, 0, 1)),
         n_used=n_used,
@@ -325,26 +325,33 @@ def positions(
 
     Displacements and covariances stay in the axes of `points`; residuals of such epochs are not those of `first`.
     """
-    solution = solve(first.residual_m, first.los_enu, sigma_m, used, system_of, n_systems)
-    far = np.flatnonzero((np.abs(solution.e_enu_m) > RELINEARISE_BEYOND_M).any(axis=(1, 2)))
-    if not len(far):
-        return solution
+    of = design(first.los_enu, sigma_m, used & np.isfinite(first.residual_m), system_of, n_systems)
+    return relinearised(solution(of, first.residual_m), of, block, states, points, klobuchar)
+
+
+def relinearised(
+    found: Solution, of: Design, block: ObservationBlock, states: SatelliteStates, points: Points, klobuchar: Klobuchar | None
+) -> Solution:
+    """The solution `found` by a design; epochs in which a receiver is over 1 km away are linearised again where it is. See `positions`."""
+    is_far = (np.abs(found.e_enu_m) > RELINEARISE_BEYOND_M).any(axis=(1, 2))
+    if not is_far.any():
+        return found
+    far = np.flatnonzero(is_far)
     block_far, states_far = _epochs_of_block(block, far), _epochs_of_states(states, far)
-    shape = first.residual_m.shape
-    sigma_far, used_far = np.broadcast_to(sigma_m, shape)[far], np.broadcast_to(used, shape)[far]
-    refined, e = solution, np.array(solution.e_enu_m[far])
+    sigma_far, used_far = np.broadcast_to(of.sigma_m, of.used.shape)[far], of.used[far]
+    refined, e = found, np.array(found.e_enu_m[far])
     pos = points.pos_ecef_m + _turn(np.swapaxes(points.enu, -1, -2), np.where(np.isfinite(e), e, 0.0))
     for _ in range(RELINEARISATIONS):
         there = points_at(pos)
         again = prefit(block_far, states_far, there, klobuchar)
-        refined = solve(again.residual_m, again.los_enu, sigma_far, used_far, system_of, n_systems)
+        refined = solve(again.residual_m, again.los_enu, sigma_far, used_far, of.system_of, of.member.shape[1])
         step = refined.e_enu_m
         pos = pos + _turn(np.swapaxes(there.enu, -1, -2), np.where(np.isfinite(step), step, 0.0))
     converged: Bools = np.all(np.abs(refined.e_enu_m) < 0.01, axis=-1)
     e = _turn(points.enu, pos - points.pos_ecef_m)
     turn = points.enu @ np.swapaxes(there.enu, -1, -2)
     cov = turn @ refined.cov_enu_m2 @ np.swapaxes(turn, -1, -2)
-    return _replaced(solution, far, replace(refined, e_enu_m=e, cov_enu_m2=cov), converged)
+    return _replaced(found, far, replace(refined, e_enu_m=e, cov_enu_m2=cov), converged)
 
 
 def _turn(axes: Floats, vectors: Floats) -> Floats:

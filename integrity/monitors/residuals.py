@@ -4,6 +4,7 @@ At a surveyed point only the receiver's clock is unknown, one per constellation.
 the satellite where all receivers see it alike, and of a receiver where one differs from the others.
 """
 
+from math import sqrt
 from typing import NamedTuple
 
 import numpy as np
@@ -19,23 +20,44 @@ class KnownPointResiduals(NamedTuple):
     normalised: Floats
 
 
+class ClockDesign(NamedTuple):
+    """The clocks at known points before anything is measured: all that follows from which satellites are `used`."""
+
+    used: Bools  # (E, S)
+    system_of: Ints  # (S,)
+    determines: Bools  # (K, E, 1, S): satellites used, by constellation
+    w: Floats  # (E, 1, S)
+    weight: Floats  # (K, E, 1); NaN where none of the constellation is used
+    scale_m: Floats  # (E, 1, S): standard deviation of what remains of a range, NaN where that says nothing
+
+
 def known_point_residuals(prefit_m: Floats, sigma_m: Floats, used: Bools, system_of: Ints, n_systems: int) -> KnownPointResiduals:
     """Clocks from the satellites `used` (E, S), weighted by `sigma_m` (E, S); residuals of every satellite seen (E, R, S).
 
     A satellite that is used pulls the clock towards itself: its residual has variance sigma^2 (1 - h), h its share of the weight; one
     that is not used, sigma^2 (1 + h). A satellite that alone determines its clock says nothing.
     """
+    return without_clocks(clock_design(sigma_m, used, system_of, n_systems), prefit_m)
+
+
+def clock_design(sigma_m: Floats, used: Bools, system_of: Ints, n_systems: int) -> ClockDesign:
+    """The part of `known_point_residuals` that needs no measurement."""
     w = np.where(used, 1.0 / sigma_m**2, 0.0)
-    y = np.where(used[:, None, :], prefit_m, 0.0)
-    members = [system_of == k for k in range(n_systems)]
-    weight = np.stack([np.where(m, w, 0.0).sum(axis=-1) for m in members], axis=-1)  # (E, K)
-    with np.errstate(invalid="ignore", divide="ignore"):
-        clock_m = np.stack([(w[:, None, :] * np.where(m, y, 0.0)).sum(axis=-1) for m in members], axis=-1) / weight[:, None, :]
-        h = 1.0 / (sigma_m**2 * weight[:, system_of])
+    member = (system_of == np.arange(n_systems)[:, None])[:, None]  # (K, 1, S)
+    weight = np.where(member, w, 0.0).sum(axis=-1)  # (K, E)
+    weight = np.where(weight > 0.0, weight, np.nan)
+    with np.errstate(invalid="ignore"):
+        h = 1.0 / (sigma_m**2 * weight.T[:, system_of])
         spread = np.where(used, 1.0 - h, 1.0 + h)
-        residual_m = prefit_m - clock_m[..., system_of]
-        normalised = residual_m / (sigma_m * np.sqrt(np.where(spread > 1e-9, spread, np.nan)))[:, None, :]
-    return KnownPointResiduals(clock_m, residual_m, normalised)
+        scale_m = sigma_m * np.sqrt(np.where(spread > 1e-9, spread, np.nan))
+    return ClockDesign(used, system_of, (member & used)[:, :, None], w[:, None], weight[..., None], scale_m[:, None])
+
+
+def without_clocks(of: ClockDesign, prefit_m: Floats) -> KnownPointResiduals:
+    """What ranges (E, R, S) make of a design: clocks, and what remains."""
+    clock_m = ((of.w * np.where(of.determines, prefit_m, 0.0)).sum(axis=-1) / of.weight).transpose(1, 2, 0)
+    residual_m = prefit_m - clock_m[..., of.system_of]
+    return KnownPointResiduals(clock_m, residual_m, residual_m / of.scale_m)
 
 
 def seen_by_all(normalised: Floats) -> Floats:
@@ -43,9 +65,8 @@ def seen_by_all(normalised: Floats) -> Floats:
 
     A fault of the satellite shows in every receiver; a fault of one or two receivers leaves the smallest where it was.
     """
-    same_sign = np.abs(np.sign(normalised).sum(axis=1)) == normalised.shape[1]
-    smallest = np.abs(normalised).min(axis=1)
-    statistic: Floats = np.where(same_sign | np.isnan(smallest), smallest, 0.0)
+    above, below = normalised.min(axis=1), -normalised.max(axis=1)  # by how much all are above zero, or below
+    statistic: Floats = np.maximum(np.maximum(above, below), 0.0)
     return statistic
 
 
@@ -62,22 +83,20 @@ def b_values_m(residual_m: Floats) -> Floats:
 def normalised_b_values(b_m: Floats, sigma_differential_m: Floats) -> Floats:
     """B-values (E, R, S) over their standard deviation sigma_d / sqrt(R (R - 1)), with sigma_d (E, S) per satellite."""
     n = b_m.shape[1]
-    normalised: Floats = b_m * np.sqrt(n * (n - 1)) / sigma_differential_m[:, None, :]
+    normalised: Floats = b_m * sqrt(n * (n - 1)) / sigma_differential_m[:, None, :]
     return normalised
 
 
 def without_lone_satellites(used: Bools, system_of: Ints, n_systems: int) -> Bools:
     """`used` (E, S) less satellites alone in their constellation: one determines a clock, nothing else, and nothing checks it."""
-    kept = np.array(used)
-    for k in range(n_systems):
-        member = system_of == k
-        alone = (used & member).sum(axis=1) == 1
-        kept &= ~(alone[:, None] & member)
+    member = system_of == np.arange(n_systems)[:, None]
+    alone = (used[:, None] & member).sum(axis=-1) == 1  # (E, K)
+    kept: Bools = used & ~alone[:, system_of]
     return kept
 
 
 def worst(statistic: Floats, used: Bools) -> Floats:
     """Largest statistic of the satellites used, (E,); NaN where none is used or one of them has none."""
-    largest = np.where(used, np.where(np.isnan(statistic), np.inf, statistic), -np.inf).max(axis=-1, initial=-np.inf)
+    largest = np.where(used, statistic, -np.inf).max(axis=-1, initial=-np.inf)
     result: Floats = np.where(np.isfinite(largest), largest, np.nan)
     return result

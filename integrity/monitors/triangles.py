@@ -18,8 +18,7 @@ from integrity.triangle import ReferenceTriangle
 
 
 class TriangleStatistics(NamedTuple):
-    """Per epoch: `circle_m` (E, R), `common`, `common_3d`, `shape`, `shape_3d`, `collapse`, `collapse_fit` (E,); for naming, (E, R):
-    `isolation` t_j, `pair` T_pair of the others, `log_likelihood_ratio`."""
+    """Per epoch: `circle_m` (E, R), `common`, `common_3d`, `shape`, `shape_3d`, `collapse` (E,)."""
 
     circle_m: Floats
     common: Floats
@@ -27,10 +26,16 @@ class TriangleStatistics(NamedTuple):
     shape: Floats
     shape_3d: Floats
     collapse: Floats
-    collapse_fit: Floats
+
+
+class NamingStatistics(NamedTuple):
+    """What is asked where something failed. Per receiver, (E, R): `isolation` t_j, `pair` T_pair of the others, `log_likelihood_ratio`;
+    per epoch, (E,): `collapse_fit`, how well one point fits all solved ones."""
+
     isolation: Floats
     pair: Floats
     log_likelihood_ratio: Floats
+    collapse_fit: Floats
 
 
 class Variances(NamedTuple):
@@ -50,26 +55,34 @@ def variances(cov_enu_m2: Floats, promises: IntegrityConfig) -> Variances:
 
 
 def triangle_statistics(e_enu_m: Floats, var: Variances, triangle: ReferenceTriangle) -> TriangleStatistics:
-    """All statistics of displacements (E, R, 3)."""
+    """The statistics of all checks of displacements (E, R, 3)."""
     n = e_enu_m.shape[1]
     mean = e_enu_m.sum(axis=1) / n
     own = e_enu_m - mean[:, None, :]
     var_d = var.differential[:, None, :]
 
-    common = mean**2 / (var.common + var.differential / n)
-    shape = (own**2 / var_d).sum(axis=1)
-    isolation = n / (n - 1) * (own**2 / var_d).sum(axis=-1)
+    common = np.cumsum(mean**2 / (var.common + var.differential / n), axis=-1)  # east, then with north, then with up
+    shape = np.cumsum((own**2 / var_d).sum(axis=1), axis=-1)
     return TriangleStatistics(
         circle_m=np.hypot(e_enu_m[..., 0], e_enu_m[..., 1]),
-        common=common[:, :2].sum(axis=-1),
-        common_3d=common.sum(axis=-1),
-        shape=shape[:, :2].sum(axis=-1),
-        shape_3d=shape.sum(axis=-1),
+        common=common[:, 1],
+        common_3d=common[:, 2],
+        shape=shape[:, 1],
+        shape_3d=shape[:, 2],
         collapse=collapse_statistic(own, triangle.baseline_enu_m, var_d),
-        collapse_fit=_spread(solved_points_m(e_enu_m, triangle), var_d),
-        isolation=isolation,
+    )
+
+
+def naming_statistics(e_enu_m: Floats, var: Variances, triangle: ReferenceTriangle) -> NamingStatistics:
+    """What displacements (E, R, 3) say of who is off."""
+    n = e_enu_m.shape[1]
+    own = e_enu_m - e_enu_m.sum(axis=1, keepdims=True) / n
+    var_d = var.differential[:, None, :]
+    return NamingStatistics(
+        isolation=n / (n - 1) * (own**2 / var_d).sum(axis=-1),
         pair=_spread(e_enu_m[:, _others(n)], var_d[:, None]),
         log_likelihood_ratio=log_likelihood_ratio(e_enu_m, var.common[:, None, :], var_d),
+        collapse_fit=_spread(solved_points_m(e_enu_m, triangle), var_d),
     )
 
 
@@ -109,14 +122,14 @@ def _others(n: int) -> list[list[int]]:
     return [[k for k in range(n) if k != j] for j in range(n)]
 
 
-def suspects(statistics: TriangleStatistics, limits: Limits) -> Bools:
+def suspects(circle_m: Floats, statistics: NamingStatistics, limits: Limits) -> Bools:
     """The receiver (E, R) that rules (i) to (iii) of section 2.2 point at, if any.
 
     (i) it is the furthest from the others, and its own statistic exceeds, (ii) the others agree, (iii) the others are inside their
     circles. It may be named when (iv) one faulty receiver is also a thousand times likelier than two that fail alike.
     """
     n = statistics.isolation.shape[1]
-    inside = statistics.circle_m <= limits.radius_m
+    inside = circle_m <= limits.radius_m
     others_inside = inside[:, _others(n)].all(axis=-1)
     furthest = statistics.isolation == statistics.isolation.max(axis=1, keepdims=True)
     suspected: Bools = furthest & (statistics.isolation > limits.isolation) & (statistics.pair <= limits.pair) & others_inside
