@@ -36,11 +36,11 @@ class Geometry(NamedTuple):
         return self.sky is sky and np.array_equal(self.used, used)
 
 
-def geometry_of(sky: Sky, used: Bools, promises: IntegrityConfig) -> Geometry:
+def geometry_of(sky: Sky, used: Bools, promises: IntegrityConfig, triangle: ReferenceTriangle) -> Geometry:
     """The geometry of satellites, all of which every receiver measures."""
     position = design(sky.expected.los_enu, sky.sigma_m[:, None, :], used[:, None, :], sky.system_of, len(SYSTEMS))
     clocks = clock_design(sky.sigma_m, used, sky.system_of, len(SYSTEMS))
-    return Geometry(sky, used, clocks, position, variances(position.cov_enu_m2, promises))
+    return Geometry(sky, used, clocks, position, variances(position.cov_enu_m2, promises, triangle))
 
 
 @dataclass(frozen=True, eq=False)
@@ -77,7 +77,7 @@ def check(
     sky, position = sight.sky, geometry.position
     found = relinearised(solution(position, sight.at_points.residual_m), position, sight.block, sky.states, points, sky.klobuchar)
     as_designed = found.cov_enu_m2 is position.cov_enu_m2
-    var = geometry.var if as_designed else variances(found.cov_enu_m2, site.integrity)
+    var = geometry.var if as_designed else variances(found.cov_enu_m2, site.integrity, triangle)
     of_triangle = triangle_statistics(found.e_enu_m, var, triangle)
     statistics = {f"circle_{name}": of_triangle.circle_m[:, r] for r, name in enumerate(site.receiver_names)} | {
         "data": missing_satellites(geometry.used, limits.min_common_satellites),

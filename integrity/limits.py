@@ -16,8 +16,9 @@ import numpy as np
 from integrity.config import SiteConfig
 from integrity.errors import ConfigError
 from integrity.gnss.gps_time import NS_PER_S
-from integrity.gnss.observations import Bools, Floats
+from integrity.gnss.observations import Bools, Floats, Ints
 from integrity.probability import chi2_quantile, detectable_noncentrality, gauss_quantile, tail_for_alarm_rate
+from integrity.states import Outcome
 from integrity.triangle import ReferenceTriangle
 
 YEAR_S = 31_557_600.0
@@ -67,7 +68,7 @@ class Limits:
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "by_name", {t.name: t for t in self.thresholds})
-        for array in (self.values, self.required):
+        for array in (self.values, self.required, self.without_result):
             array.setflags(write=False)
 
     @cached_property
@@ -84,6 +85,11 @@ class Limits:
     def required(self) -> Bools:
         """Which checks must have a result, (C,)."""
         return np.array([t.required for t in self.thresholds])
+
+    @cached_property
+    def without_result(self) -> Ints:
+        """The `Outcome` of each check that has no result, (C,)."""
+        return np.where(self.required, int(Outcome.UNKNOWN), int(Outcome.NOT_MONITORED))
 
     def __getitem__(self, name: str) -> float:
         """The threshold of a check."""

@@ -10,7 +10,7 @@ from integrity.config import SiteConfig
 from integrity.exclusion import SatelliteInputs
 from integrity.gnss.atmosphere import Klobuchar
 from integrity.gnss.ephemeris import Ephemerides, EphemerisStore, SatelliteStates, accuracy_m, satellite_states, usable
-from integrity.gnss.observations import Bools, Floats, Ints, ObservationBlock, build_block
+from integrity.gnss.observations import Bools, Floats, Ints, Layout, ObservationBlock, build_block, layout_of
 from integrity.gnss.positioning import Expected, Points, Prefit, compared, expected, range_sigma_m, state_time_ns
 from integrity.gnss.signals import SYSTEMS, system_index
 from integrity.limits import Limits
@@ -19,7 +19,8 @@ from integrity.monitors.residuals import without_lone_satellites
 
 @dataclass(frozen=True, eq=False)
 class Sky:
-    """What is known of a block's satellites before anything is measured: `healthy` (E, S), sigmas of ranges (E, S), which constellation."""
+    """What is known of a block's satellites before anything is measured: `healthy` (E, S), sigmas of ranges (E, S), which constellation;
+    `in_view` (E, S), above the mask of all receivers, and `high` (E, R, S), where a receiver does not lose it by itself: all healthy."""
 
     ephemerides: Ephemerides
     satellites: tuple[str, ...]  # of each signal, (S,)
@@ -28,6 +29,8 @@ class Sky:
     states: SatelliteStates
     expected: Expected
     healthy: Bools
+    in_view: Bools
+    high: Bools
     sigma_m: Floats
     sigma_differential_m: Floats
     system_of: Ints
@@ -44,6 +47,7 @@ class Sky:
 class Sight:
     """A block under its sky; `satellites` feed walk A."""
 
+    layout: Layout
     block: ObservationBlock
     sky: Sky
     at_points: Prefit
@@ -58,6 +62,7 @@ def sky_of(
     store: EphemerisStore,
     points: Points,
     site: SiteConfig,
+    limits: Limits,
 ) -> Sky:
     """The sky at epochs, as the surveyed points see it."""
     ephemerides = store.ephemerides
@@ -66,6 +71,7 @@ def sky_of(
     seen = expected(states, epoch_ns, points, klobuchar)
     promises = site.integrity
     el_rad = seen.el_rad.mean(axis=1)
+    healthy = usable(ephemerides, index)
     return Sky(
         ephemerides,
         satellites,
@@ -73,7 +79,9 @@ def sky_of(
         klobuchar,
         states,
         seen,
-        healthy=usable(ephemerides, index),
+        healthy=healthy,
+        in_view=(seen.el_rad >= limits.elevation_mask_rad).all(axis=1) & healthy,
+        high=(seen.el_rad >= limits.loss_elevation_rad) & healthy[:, None, :],
         sigma_m=range_sigma_m(el_rad, promises.sigma_range_m, promises.sigma_range_low_m, accuracy_m(ephemerides, index)),
         sigma_differential_m=range_sigma_m(el_rad, promises.sigma_range_differential_m, promises.sigma_range_differential_low_m),
         system_of=np.array([system_index(s) for s in satellites], dtype=np.int64),
@@ -86,35 +94,37 @@ def observe(
     points: Points,
     site: SiteConfig,
     limits: Limits,
-    remembered_signals: Sequence[str],
+    remembered_signals: tuple[str, ...],
+    before: Layout | None,
     ahead: Sky | None,
 ) -> Sight:
     """Block, sky, residuals at the surveyed points, screening. All epochs share one set of ionospheric terms.
 
-    `ahead` is a sky that was computed before: it is used if it is the one of these epochs.
+    The layout of the block `before`, and a sky that was computed `ahead`, are used if they are those of these epochs.
     """
-    block = build_block(site.receiver_names, [x.epoch_ns for x in epochs], [x.rows for x in epochs], remembered_signals)
+    layout = layout_of((row for x in epochs for row in x.rows), remembered_signals, before)
+    block = build_block(site.receiver_names, [x.epoch_ns for x in epochs], [x.rows for x in epochs], layout)
     where = (block.satellites, block.epoch_ns, tuple(x.arrived for x in epochs), epochs[0].klobuchar, store)
-    sky = ahead if ahead is not None and ahead.is_of(*where) else sky_of(*where, points, site)
+    sky = ahead if ahead is not None and ahead.is_of(*where) else sky_of(*where, points, site, limits)
     at_points = compared(block, sky.expected)
     satellites = SatelliteInputs(
         prefit_m=at_points.residual_m,
         sigma_m=sky.sigma_m,
         sigma_differential_m=sky.sigma_differential_m,
-        screened=screen(block, at_points, sky.healthy, sky.system_of, limits),
+        screened=screen(block, at_points, sky.in_view, sky.system_of, limits),
         system_of=sky.system_of,
         n_systems=len(SYSTEMS),
     )
-    return Sight(block, sky, at_points, satellites)
+    return Sight(layout, block, sky, at_points, satellites)
 
 
-def screen(block: ObservationBlock, at_points: Prefit, healthy: Bools, system_of: Ints, limits: Limits) -> Bools:
-    """The common set (E, S): one signal per satellite, measured by all receivers, healthy, above the mask, plausible, not too weak,
-    not alone in its constellation."""
+def screen(block: ObservationBlock, at_points: Prefit, in_view: Bools, system_of: Ints, limits: Limits) -> Bools:
+    """The common set (E, S): one signal per satellite, in view, measured by all receivers, plausible, not too weak, not alone in its
+    constellation."""
     low_m, high_m = limits.pseudorange_range_m
     rho, cn0 = block.pseudorange_m, block.cn0_dbhz
-    good = (rho >= low_m) & (rho <= high_m) & ~(cn0 < limits.min_cn0_dbhz) & (at_points.el_rad >= limits.elevation_mask_rad)
-    screened: Bools = (good & np.isfinite(at_points.residual_m)).all(axis=1) & healthy
+    good = (rho >= low_m) & (rho <= high_m) & ~(cn0 < limits.min_cn0_dbhz) & np.isfinite(at_points.residual_m)
+    screened: Bools = good.all(axis=1) & in_view
     first = 0
     for s in range(1, len(block.satellites)):
         if block.satellites[s] != block.satellites[first]:

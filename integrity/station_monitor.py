@@ -24,7 +24,7 @@ from integrity.config import SiteConfig
 from integrity.events import Event
 from integrity.exclusion import Exclusion, SatelliteStatistics, Table, Walk, walk, without_channels
 from integrity.gnss.ephemeris import Ephemeris, EphemerisStore
-from integrity.gnss.observations import Bools
+from integrity.gnss.observations import Bools, Layout
 from integrity.gnss.positioning import points_at
 from integrity.health import Health, after_epoch, after_silence
 from integrity.hearsay import remarks
@@ -77,6 +77,7 @@ class _Decided:
 class _Last(NamedTuple):
     """What the next epoch probably shares with the last one: its signals, and satellites used (1, S), with and without exclusions."""
 
+    layout: Layout
     sky: Sky
     used: tuple[Bools, ...]
 
@@ -131,8 +132,8 @@ class StationMonitor:
         last_ns, last = self._assembler.last_epoch_ns, self._last
         if last_ns is not None and last is not None:
             next_ns, arrived = np.array([last_ns + self.site.epoch_interval_ns]), (len(self._store),)
-            sky = sky_of(last.sky.satellites, next_ns, arrived, last.sky.klobuchar, self._store, self._points, self.site)
-            self._ahead = _Ahead(sky, tuple(geometry_of(sky, used, self.site.integrity) for used in last.used))
+            sky = sky_of(last.sky.satellites, next_ns, arrived, last.sky.klobuchar, self._store, self._points, self.site, self.limits)
+            self._ahead = _Ahead(sky, tuple(geometry_of(sky, used, self.site.integrity, self.triangle) for used in last.used))
 
     @property
     def next_deadline_ns(self) -> int | None:
@@ -165,8 +166,9 @@ class StationMonitor:
     def _decided(self, epochs: Sequence[AlignedEpoch]) -> _Decided:
         """Steps 2 to 4; remembers nothing."""
         remembered = self._streams.signals_since(epochs[0].epoch_ns - self.limits.remember_satellite_ns)
-        sight = observe(epochs, self._store, self._points, self.site, self.limits, remembered, self._ahead and self._ahead.sky)
-        memory, streams = advance(self._streams, sight.block, sight.at_points.el_rad, sight.sky.healthy, self.limits)
+        layout, sky = self._last and self._last.layout, self._ahead and self._ahead.sky
+        sight = observe(epochs, self._store, self._points, self.site, self.limits, remembered, layout, sky)
+        memory, streams = advance(self._streams, sight.block, sight.sky.high, self.limits)
         screened = sight.satellites.screened
         of_screened = self._geometry(sight.sky, screened)
         on_screened = sight.satellites.statistics_by(of_screened.clocks)
@@ -193,7 +195,7 @@ class StationMonitor:
         for geometry in self._ahead.geometries if self._ahead else ():
             if geometry.is_of(sky, used):
                 return geometry
-        return geometry_of(sky, used, self.site.integrity)
+        return geometry_of(sky, used, self.site.integrity, self.triangle)
 
     def _walk(self, sight: Sight, on_screened: SatelliteStatistics) -> Walk:
         if self.site.integrity.rule == "triangle":
@@ -308,7 +310,7 @@ class StationMonitor:
 
 def _last_of(decided: _Decided) -> _Last:
     alone, full = decided.alone.used[-1:], decided.full.used[-1:]
-    return _Last(decided.sight.sky, (full,) if np.array_equal(alone, full) else (full, alone))
+    return _Last(decided.sight.layout, decided.sight.sky, (full,) if np.array_equal(alone, full) else (full, alone))
 
 
 def _leave_out_channels(sight: Sight, walked: Walk, full: BlockChecks, checked: Callable[[Bools], BlockChecks]) -> tuple[Walk, BlockChecks]:

@@ -40,7 +40,7 @@ class StreamMemory:
     def signals_since(self, gps_ns: int) -> tuple[str, ...]:
         """Signals that some receiver saw at or after a GPS time."""
         recent: Bools = np.any(self.last_seen_ns >= gps_ns, axis=0)
-        return tuple(s for s, keep in zip(self.signals, recent, strict=True) if keep)
+        return self.signals if recent.all() else tuple(s for s, keep in zip(self.signals, recent, strict=True) if keep)
 
     def on(self, signals: tuple[str, ...]) -> "StreamMemory":
         """The same memory for another list of signals: new ones were never seen, those not listed are forgotten."""
@@ -58,16 +58,13 @@ class StreamMemory:
         )
 
 
-def advance(
-    memory: StreamMemory, block: ObservationBlock, el_rad: Floats, healthy: Bools, limits: Limits
-) -> tuple[StreamMemory, StreamStatistics]:
-    """The memory after a block, and what the streams show in it; `el_rad` (E, R, S), `healthy` (E, S)."""
+def advance(memory: StreamMemory, block: ObservationBlock, high: Bools, limits: Limits) -> tuple[StreamMemory, StreamStatistics]:
+    """The memory after a block, and what the streams show in it; `high` (E, R, S): satellites that no receiver loses by itself."""
     before = memory.on(block.signals)
     seen = np.isfinite(block.pseudorange_m)
     seen_ns = last_seen(seen, block.epoch_ns, before.last_seen_ns)
     recent = seen_ns[:-1] >= block.epoch_ns[:, None, None] - limits.remember_satellite_ns
-    expected = recent & (el_rad >= limits.loss_elevation_rad) & healthy[:, None, :]
     drop_db, baseline = cn0_drop_db(block.cn0_dbhz, recent, block.epoch_ns, before.cn0_baseline_dbhz, before.epoch_ns)
     after = StreamMemory(block.signals, int(block.epoch_ns[-1]), np.array(seen_ns[-1]), np.array(block.pseudorange_m[-1]), baseline)
     repeating = repeating_receivers(block.pseudorange_m, before.pseudorange_m)
-    return after, StreamStatistics(repeating, drop_db, lost_share(seen, expected))
+    return after, StreamStatistics(repeating, drop_db, lost_share(seen, recent & high))

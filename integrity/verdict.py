@@ -63,23 +63,20 @@ def judge(statistics: Mapping[str, Floats], limits: Limits) -> Checks:
     """Outcomes of all checks of a block. NaN does not pass: UNKNOWN where the check is required, NOT_MONITORED where it is not."""
     names, threshold = limits.names, limits.values
     statistic = np.array([statistics[name] for name in names]).T
-    absent = np.where(limits.required, int(Outcome.UNKNOWN), int(Outcome.NOT_MONITORED))
-    passed = statistic <= threshold
-    outcome = np.where(passed, int(Outcome.PASS), np.where(np.isnan(statistic), absent, int(Outcome.FAIL)))
+    failed = np.where(np.isnan(statistic), limits.without_result, int(Outcome.FAIL))
+    outcome = np.where(statistic <= threshold, int(Outcome.PASS), failed)
     return Checks(names, statistic, threshold, outcome)
 
 
 @lru_cache(maxsize=8)
-def considered(names: tuple[str, ...], rule: Rule) -> Bools:
-    """Which checks a rule looks at (C,): all of them, or those of the reference triangle alone."""
-    if rule == "full":
-        return np.ones(len(names), dtype=np.bool_)
-    return np.array([n == "shape" or n == "data" or n.startswith("circle_") for n in names])
+def passed_over(names: tuple[str, ...], rule: Rule) -> Bools:
+    """Which checks a rule does not look at (C,): none, or all but those of the reference triangle alone."""
+    return np.array([rule == "triangle" and not (n == "shape" or n == "data" or n.startswith("circle_")) for n in names])
 
 
 def clean_epochs(checks: Checks, rule: Rule) -> Bools:
     """Epochs (E,) without a FAIL or UNKNOWN among the checks of the rule."""
-    fine = (checks.outcome < int(Outcome.UNKNOWN)) | ~considered(checks.names, rule)
+    fine = (checks.outcome < int(Outcome.UNKNOWN)) | passed_over(checks.names, rule)
     result: Bools = np.all(fine, axis=-1)
     return result
 

@@ -5,13 +5,14 @@ it grows with the receiver's clock bias and shrinks with the satellite's. Carrie
 pseudorange does. Doppler, in hertz, is positive for an approaching satellite.
 """
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from integrity.gnss.signals import SYSTEMS, preference
+from integrity.gnss.signals import SYSTEMS, preference, satellite_of
 
 Floats = NDArray[np.float64]
 Bools = NDArray[np.bool_]
@@ -101,37 +102,54 @@ class ObservationBlock:
         freeze(self)
 
 
-def build_block(
-    receivers: Sequence[str], epoch_ns: Sequence[int], rows: Sequence[Sequence[ObservationRow]], more_signals: Sequence[str] = ()
-) -> ObservationBlock:
-    """Line up `rows[e][r]` (one per epoch and receiver) in a block; `more_signals` get a column even where no row has them.
+class Layout(NamedTuple):
+    """Where the signals of rows stand in a block: `columns` for each different tuple of signals, the last for those passed over."""
 
-    Signals of other systems than `SYSTEMS` are passed over; what is not finite, or beyond measure, counts as not measured.
+    row_signals: tuple[tuple[str, ...], ...]
+    more_signals: tuple[str, ...]
+    signals: tuple[str, ...]
+    satellites: tuple[str, ...]
+    columns: dict[tuple[str, ...], Ints]
+
+
+def layout_of(rows: Iterable[ObservationRow], more_signals: tuple[str, ...] = (), before: Layout | None = None) -> Layout:
+    """The layout of a block of rows; `more_signals` get a column even where no row has them. It is the one `before` where that serves.
+
+    Signals of other systems than `SYSTEMS` are passed over.
     """
-    seen = {s for epoch in rows for row in epoch for s in row.signals if s[:1] in SYSTEMS}
+    row_signals = tuple(dict.fromkeys(row.signals for row in rows))
+    if before is not None and before.row_signals == row_signals and before.more_signals == more_signals:
+        return before
+    seen = {s for signals in row_signals for s in signals if s[:1] in SYSTEMS}
     signals = tuple(sorted(seen | set(more_signals), key=preference))
     column_of = {signal: i for i, signal in enumerate(signals)}
-    nowhere = len(signals)
-    shape = (len(epoch_ns), len(receivers), len(signals) + 1)  # a last column for what is passed over
+    columns = {mine: np.array([column_of.get(s, len(signals)) for s in mine], dtype=np.int64) for mine in row_signals}
+    return Layout(row_signals, more_signals, signals, tuple(satellite_of(s) for s in signals), columns)
+
+
+def build_block(
+    receivers: Sequence[str], epoch_ns: Sequence[int], rows: Sequence[Sequence[ObservationRow]], layout: Layout | None = None
+) -> ObservationBlock:
+    """Line up `rows[e][r]` (one per epoch and receiver) in a block, by their own layout or the one given.
+
+    What is not finite, or beyond measure, counts as not measured.
+    """
+    in_order = [row for epoch in rows for row in epoch]
+    layout = layout or layout_of(in_order)
+    shape = (len(epoch_ns), len(receivers), len(layout.signals) + 1)  # a last column for what is passed over
+    places = np.concatenate([layout.columns[row.signals] + k * shape[2] for k, row in enumerate(in_order)])
     floats = np.full((len(ROW_FLOATS), *shape), np.nan)
     flags = np.zeros((len(ROW_FLAGS), *shape), dtype=np.bool_)
-    receive_time_ns = np.zeros(shape[:2], dtype=np.int64)
-    columns_of: dict[tuple[str, ...], Ints] = {}
-    for e, epoch in enumerate(rows):
-        for r, row in enumerate(epoch):
-            columns = columns_of.get(row.signals)
-            if columns is None:
-                columns = columns_of[row.signals] = np.array([column_of.get(s, nowhere) for s in row.signals], dtype=np.int64)
-            receive_time_ns[e, r] = row.receive_time_ns
-            floats[:, e, r, columns] = (row.pseudorange_m, row.carrier_cycles, row.doppler_hz, row.cn0_dbhz, row.lock_s)
-            flags[:, e, r, columns] = (row.slip, row.half_cycle)
-    floats[~(np.abs(floats) < BEYOND_MEASURE)] = np.nan
-    floats, flags = floats[..., :nowhere], flags[..., :nowhere]
+    measured = np.concatenate([getattr(row, name) for name in ROW_FLOATS for row in in_order]).reshape(len(ROW_FLOATS), -1)
+    flagged = np.concatenate([getattr(row, name) for name in ROW_FLAGS for row in in_order]).reshape(len(ROW_FLAGS), -1)
+    floats.reshape(len(ROW_FLOATS), -1)[:, places] = np.where(np.abs(measured) < BEYOND_MEASURE, measured, np.nan)
+    flags.reshape(len(ROW_FLAGS), -1)[:, places] = flagged
     return ObservationBlock(
-        receivers=tuple(receivers),
-        signals=signals,
-        satellites=tuple(s.partition(".")[0] for s in signals),
-        epoch_ns=np.array(epoch_ns, dtype=np.int64),
-        receive_time_ns=receive_time_ns,
-        **dict(zip(ROW_ARRAYS, (*floats.copy(), *flags.copy()), strict=True)),
+        tuple(receivers),
+        layout.signals,
+        layout.satellites,
+        np.array(epoch_ns, dtype=np.int64),
+        np.array([row.receive_time_ns for row in in_order], dtype=np.int64).reshape(shape[:2]),
+        *floats[..., :-1].copy(),
+        *flags[..., :-1].copy(),
     )

@@ -105,10 +105,8 @@ class Design(NamedTuple):
     w: Floats  # (E, R, S)
     wu: Floats  # (3, E, R, S)
     safe: Floats  # (E, R, K): weight of the constellation, one where it has none
-    u_mean: Floats  # (3, E, R, K)
-    no_clock: Bools  # (E, R, K)
-    C: Floats  # (3, 3, E, R)
-    unsolved: Bools  # (E, R)
+    u_mean: Floats  # (3, E, R, K), NaN where it has none
+    C: Floats  # (3, 3, E, R), NaN where unsolved
     cov_enu_m2: Floats  # this and the rest go into the `Solution` as they are
     n_used: Ints
     why: Ints
@@ -257,7 +255,7 @@ def design(los_enu: Floats, sigma_m: Floats, used: Bools, system_of: Ints, n_sys
         pdop2 = (C[0, 0] + C[1, 1] + C[2, 2]) * weight.sum(axis=-1) / np.maximum(n_used, 1)
         poor = ~((determinant > 0.0) & (pdop2 <= MOST_PDOP**2))
     why = np.where(n_used < 3 + n_clocks, Unsolved.TOO_FEW_SATELLITES, np.where(poor, Unsolved.POOR_GEOMETRY, Unsolved.SOLVED))
-    unsolved = why != Unsolved.SOLVED
+    C[:, :, why != Unsolved.SOLVED] = np.nan
     return Design(
         used=used,
         sigma_m=sigma_m,
@@ -266,11 +264,9 @@ def design(los_enu: Floats, sigma_m: Floats, used: Bools, system_of: Ints, n_sys
         w=w,
         wu=wu,
         safe=safe,
-        u_mean=u_mean,
-        no_clock=count == 0,
+        u_mean=np.where(count > 0, u_mean, np.nan),
         C=C,
-        unsolved=unsolved,
-        cov_enu_m2=np.where(unsolved[..., None, None], np.nan, C.transpose(2, 3, 0, 1)),
+        cov_enu_m2=C.transpose(2, 3, 0, 1),
         n_used=n_used,
         why=why,
     )
@@ -283,23 +279,22 @@ def solution(of: Design, residual_m: Floats) -> Solution:
     dy = y - y_mean[..., of.system_of]
     b = -(of.wu * dy).sum(axis=-1)  # a range shrinks when the receiver moves towards the satellite
     e = (of.C * b).sum(axis=1)
-    e[:, of.unsolved] = np.nan
     clock = y_mean + (of.u_mean * e[..., None]).sum(axis=0)
-    clock[of.no_clock] = np.nan
-    return _without_infinite(Solution(e.transpose(1, 2, 0), clock, of.cov_enu_m2, of.n_used, of.why))
+    found = Solution(e.transpose(1, 2, 0), clock, of.cov_enu_m2, of.n_used, of.why)
+    return found if np.isfinite(e).all() else _without_infinite(found)
 
 
 def _without_infinite(found: Solution) -> Solution:
     """A displacement beyond all numbers is none: its geometry was poorer than its PDOP said."""
-    broken = found.solved & ~np.isfinite(found.e_enu_m).all(axis=-1)
-    if not broken.any():
+    broken: Bools = ~np.all(np.isfinite(found.e_enu_m), axis=-1)
+    if not (broken & found.solved).any():
         return found
     return Solution(
         e_enu_m=np.where(broken[..., None], np.nan, found.e_enu_m),
         clock_m=np.where(broken[..., None], np.nan, found.clock_m),
         cov_enu_m2=np.where(broken[..., None, None], np.nan, found.cov_enu_m2),
         n_used=found.n_used,
-        why=np.where(broken, Unsolved.POOR_GEOMETRY, found.why),
+        why=np.where(broken & found.solved, Unsolved.POOR_GEOMETRY, found.why),
     )
 
 
@@ -333,7 +328,7 @@ def relinearised(
     found: Solution, of: Design, block: ObservationBlock, states: SatelliteStates, points: Points, klobuchar: Klobuchar | None
 ) -> Solution:
     """The solution `found` by a design; epochs in which a receiver is over 1 km away are linearised again where it is. See `positions`."""
-    is_far = (np.abs(found.e_enu_m) > RELINEARISE_BEYOND_M).any(axis=(1, 2))
+    is_far: Bools = np.any(np.abs(found.e_enu_m) > RELINEARISE_BEYOND_M, axis=(1, 2))
     if not is_far.any():
         return found
     far = np.flatnonzero(is_far)

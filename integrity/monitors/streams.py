@@ -1,5 +1,7 @@
 """The streams themselves: enough satellites, ranges that move, signals that stay (causes `data` and `jamming`)."""
 
+from math import expm1
+
 import numpy as np
 
 from integrity.gnss.observations import Bools, Floats, Ints
@@ -47,26 +49,25 @@ def cn0_drop_db(cn0_dbhz: Floats, recent: Bools, epoch_ns: Ints, baseline_dbhz: 
     A signal without a baseline starts one where it is; one that was not seen of late, not `recent` (E, R, S), loses its own. NaN where
     a receiver says nothing of C/N0.
     """
-    drop = np.full(cn0_dbhz.shape[:2], np.nan)
+    heard = np.isfinite(cn0_dbhz).any(axis=-1)
     baseline = np.array(baseline_dbhz)
-    if np.isnan(cn0_dbhz).all() and np.isnan(baseline).all():
-        return drop, baseline
-    dt_s = np.diff(epoch_ns, prepend=before_ns) / 1e9
+    if not heard.any() and np.isnan(baseline).all():
+        return np.full(heard.shape, np.nan), baseline
+    drop = np.empty(heard.shape)
     for e, cn0 in enumerate(cn0_dbhz):
+        dt_s = (int(epoch_ns[e]) - (int(epoch_ns[e - 1]) if e else before_ns)) / 1e9
         baseline = np.where(recent[e], baseline, np.nan)
         below = baseline - cn0
         known = np.isfinite(below)
-        count = known.sum(axis=-1)
-        mean = np.where(known, below, 0.0).sum(axis=-1) / np.maximum(count, 1)
-        drop[e] = np.where(count > 0, mean, np.where(np.isfinite(cn0).any(axis=-1), 0.0, np.nan))
-        tau_s = np.where(mean > CN0_LOW_DB, CN0_TIME_CONSTANT_LOW_S, CN0_TIME_CONSTANT_S)
-        gain = -np.expm1(-dt_s[e] / tau_s)[:, None]
-        baseline = np.where(known, baseline - gain * below, np.where(np.isnan(baseline), cn0, baseline))
+        drop[e] = np.where(known, below, 0.0).sum(axis=-1) / np.maximum(known.sum(axis=-1), 1)
+        gain = np.where(drop[e] > CN0_LOW_DB, -expm1(-dt_s / CN0_TIME_CONSTANT_LOW_S), -expm1(-dt_s / CN0_TIME_CONSTANT_S))
+        step = gain[:, None] * below
+        baseline = np.where(known, baseline - step, np.fmax(baseline, cn0))  # one of the two is missing, the other is taken
+    drop[~heard] = np.nan
     return drop, baseline
 
 
 def second_worst(per_receiver: Floats) -> Floats:
     """The second largest over receivers (E,): what at least two of them show; NaN where fewer than two say anything."""
-    ordered = np.sort(np.where(np.isnan(per_receiver), -np.inf, per_receiver), axis=-1)
-    result: Floats = np.where(np.isfinite(ordered[:, -2]), ordered[:, -2], np.nan)
-    return result
+    downwards: Floats = -np.sort(-per_receiver, axis=-1)  # NaN last
+    return downwards[:, 1]

@@ -39,19 +39,28 @@ class NamingStatistics(NamedTuple):
 
 
 class Variances(NamedTuple):
-    """Diagonals of Sigma_c and Sigma_d, m2, east, north, up: each (E, 3)."""
+    """m2, east, north, up, each (E, 3): diagonals of Sigma_c and Sigma_d, and variances of the mean displacement of the receivers;
+    `separation` (E,), sqrt(Lambda) of section 2.6: how many sigma of S lie between the reference triangle and a single point."""
 
     common: Floats
     differential: Floats
+    mean: Floats
+    separation: Floats
 
 
-def variances(cov_enu_m2: Floats, promises: IntegrityConfig) -> Variances:
+def variances(cov_enu_m2: Floats, promises: IntegrityConfig, triangle: ReferenceTriangle) -> Variances:
     """The site's variances, grown where the covariance of the solutions (E, R, 3, 3), mean over receivers, exceeds the common one."""
     common = np.array([promises.sigma_common_m, promises.sigma_common_m, promises.sigma_common_up_m]) ** 2
     differential = np.array([promises.sigma_differential_m, promises.sigma_differential_m, promises.sigma_differential_up_m]) ** 2
     promised = np.diagonal(cov_enu_m2, axis1=-2, axis2=-1).mean(axis=1)
     growth = np.maximum(promised / common, 1.0)
-    return Variances(common * growth, differential * growth)
+    return variances_of(common * growth, differential * growth, triangle)
+
+
+def variances_of(common: Floats, differential: Floats, triangle: ReferenceTriangle) -> Variances:
+    """All that follows from the variances of the errors that are common, and of each receiver's own (E, 3)."""
+    Lambda = (triangle.baseline_enu_m**2 / differential[:, None, :]).sum(axis=(1, 2))
+    return Variances(common, differential, common + differential / len(triangle.names), np.sqrt(Lambda))
 
 
 def triangle_statistics(e_enu_m: Floats, var: Variances, triangle: ReferenceTriangle) -> TriangleStatistics:
@@ -61,7 +70,7 @@ def triangle_statistics(e_enu_m: Floats, var: Variances, triangle: ReferenceTria
     own = e_enu_m - mean[:, None, :]
     var_d = var.differential[:, None, :]
 
-    common = np.cumsum(mean**2 / (var.common + var.differential / n), axis=-1)  # east, then with north, then with up
+    common = np.cumsum(mean**2 / var.mean, axis=-1)  # east, then with north, then with up
     shape = np.cumsum((own**2 / var_d).sum(axis=1), axis=-1)
     return TriangleStatistics(
         circle_m=np.hypot(e_enu_m[..., 0], e_enu_m[..., 1]),
@@ -69,7 +78,7 @@ def triangle_statistics(e_enu_m: Floats, var: Variances, triangle: ReferenceTria
         common_3d=common[:, 2],
         shape=shape[:, 1],
         shape_3d=shape[:, 2],
-        collapse=collapse_statistic(own, triangle.baseline_enu_m, var_d),
+        collapse=collapse_statistic(own, triangle.baseline_enu_m, var),
     )
 
 
@@ -96,10 +105,9 @@ def log_likelihood_ratio(e_enu_m: Floats, var_common: Floats, var_d: Floats) -> 
     return ratio
 
 
-def collapse_statistic(own_m: Floats, baseline_m: Floats, var_d: Floats) -> Floats:
+def collapse_statistic(own_m: Floats, baseline_m: Floats, var: Variances) -> Floats:
     """S (E,) of section 2.6: the matched filter for "all receivers stand at one point"; N(0, 1) without, N(sqrt(Lambda), 1) with."""
-    Lambda = (baseline_m**2 / var_d).sum(axis=(1, 2))
-    S: Floats = -(own_m * baseline_m / var_d).sum(axis=(1, 2)) / np.sqrt(Lambda)
+    S: Floats = -(own_m * baseline_m / var.differential[:, None, :]).sum(axis=(1, 2)) / var.separation
     return S
 
 

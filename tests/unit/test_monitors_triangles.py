@@ -11,13 +11,16 @@ from scipy.stats import chi2
 from integrity.gnss.observations import Bools, Floats
 from integrity.limits import collapse_separation
 from integrity.monitors.triangles import (
+    NamingStatistics,
     TriangleStatistics,
     Variances,
+    naming_statistics,
     solved_points_m,
     suspects,
     swapped_receivers,
     triangle_statistics,
     variances,
+    variances_of,
 )
 from tests.unit.streams import SITE, TRIANGLE, limits_of
 
@@ -39,15 +42,22 @@ INV_C, INV_D = np.diag(SIGMA_C**-2), np.diag(SIGMA_D**-2)
 RECEIVERS = range(3)
 
 
+def as_promised(epochs: int) -> Variances:
+    return variances_of(np.tile(SIGMA_C**2, (epochs, 1)), np.tile(SIGMA_D**2, (epochs, 1)), TRIANGLE)
+
+
 def statistics(e_enu_m: Floats) -> TriangleStatistics:
-    as_promised = Variances(np.tile(SIGMA_C**2, (len(e_enu_m), 1)), np.tile(SIGMA_D**2, (len(e_enu_m), 1)))
-    return triangle_statistics(e_enu_m, as_promised, TRIANGLE)
+    return triangle_statistics(e_enu_m, as_promised(len(e_enu_m)), TRIANGLE)
+
+
+def naming(e_enu_m: Floats) -> NamingStatistics:
+    return naming_statistics(e_enu_m, as_promised(len(e_enu_m)), TRIANGLE)
 
 
 def named(e_enu_m: Floats) -> Bools:
     """The receiver (E, R) that rules (i) to (iv) name without memory."""
-    found = statistics(e_enu_m)
-    result: Bools = suspects(found, LIMITS) & (found.log_likelihood_ratio > LIMITS.log_likelihood_ratio)
+    found = naming(e_enu_m)
+    result: Bools = suspects(statistics(e_enu_m).circle_m, found, LIMITS) & (found.log_likelihood_ratio > LIMITS.log_likelihood_ratio)
     return result
 
 
@@ -67,7 +77,7 @@ def biased(e_enu_m: Floats, bias_m: Floats, *receivers: int) -> Floats:
 
 SOME = fault_free(1, 20) + np.random.default_rng(2).uniform(-5.0, 5.0, (20, 3, 3))  # sound and faulty ones
 MANY = fault_free(3, 200_000)
-OF_MANY = statistics(MANY)
+OF_MANY, NAMING_OF_MANY = statistics(MANY), naming(MANY)
 
 
 def test_circle_is_the_horizontal_distance() -> None:
@@ -91,7 +101,7 @@ def test_shape_is_t_d(name: str, axes: int) -> None:
 
 def test_isolation_is_t_j() -> None:
     expected = [[1.5 * (e[j] - e.mean(axis=0)) @ INV_D @ (e[j] - e.mean(axis=0)) for j in RECEIVERS] for e in SOME]
-    assert statistics(SOME).isolation == pytest.approx(np.array(expected))
+    assert naming(SOME).isolation == pytest.approx(np.array(expected))
 
 
 def the_others(j: int) -> tuple[int, int]:
@@ -101,7 +111,7 @@ def the_others(j: int) -> tuple[int, int]:
 
 def test_pair_compares_the_other_two() -> None:
     expected = [[(e[k] - e[m]) @ (INV_D / 2.0) @ (e[k] - e[m]) for k, m in map(the_others, RECEIVERS)] for e in SOME]
-    assert statistics(SOME).pair == pytest.approx(np.array(expected))
+    assert naming(SOME).pair == pytest.approx(np.array(expected))
 
 
 def test_log_likelihood_ratio_of_one_against_two() -> None:
@@ -110,7 +120,7 @@ def test_log_likelihood_ratio_of_one_against_two() -> None:
         [0.5 * (e[j] @ one @ e[j] - (e[k] + e[m]) / 2.0 @ two @ (e[k] + e[m]) / 2.0) for j, (k, m) in enumerate(map(the_others, RECEIVERS))]
         for e in SOME
     ]
-    assert statistics(SOME).log_likelihood_ratio == pytest.approx(np.array(expected))
+    assert naming(SOME).log_likelihood_ratio == pytest.approx(np.array(expected))
 
 
 def test_own_parts_are_twice_the_b_values() -> None:
@@ -127,7 +137,7 @@ def test_mean_without_fault(name: str, dof: int) -> None:
 
 @pytest.mark.parametrize(("name", "dof"), [("common", 2), ("common_3d", 3), ("shape", 4), ("shape_3d", 6), ("isolation", 3), ("pair", 3)])
 def test_tail_without_fault(name: str, dof: int) -> None:
-    above = getattr(OF_MANY, name) > chi2.isf(1e-3, dof)
+    above = (getattr(OF_MANY, name) if name in TriangleStatistics._fields else getattr(NAMING_OF_MANY, name)) > chi2.isf(1e-3, dof)
     assert above.mean() == pytest.approx(1e-3, abs=4.0 * np.sqrt(1e-3 / len(MANY)))
 
 
@@ -195,7 +205,7 @@ def test_an_exact_collapse_is_root_lambda_away(point_enu_m: tuple[float, float, 
 
 
 def test_an_exact_collapse_fits_a_point() -> None:
-    assert statistics(collapsed_onto(np.array([10.0, -5.0, 2.0]))).collapse_fit[0] == pytest.approx(0.0, abs=1e-12)
+    assert naming(collapsed_onto(np.array([10.0, -5.0, 2.0]))).collapse_fit[0] == pytest.approx(0.0, abs=1e-12)
 
 
 def test_solved_points_of_a_collapse_are_that_point() -> None:
@@ -211,7 +221,7 @@ def test_collapse_without_fault_is_standard_normal() -> None:
 
 def test_no_sound_triangle_fits_a_point() -> None:
     # 120 m sides are 240 sigma.
-    assert OF_MANY.collapse_fit.min() > 100.0 * LIMITS.collapse_fit
+    assert NAMING_OF_MANY.collapse_fit.min() > 100.0 * LIMITS.collapse_fit
 
 
 def covariance(*sigmas_m: tuple[float, float, float]) -> Floats:
@@ -219,26 +229,31 @@ def covariance(*sigmas_m: tuple[float, float, float]) -> Floats:
     return np.array([[np.diag(np.array(s) ** 2) for s in sigmas_m]])
 
 
+def grown(*sigmas_m: tuple[float, float, float]) -> Variances:
+    return variances(covariance(*sigmas_m), EXAMPLE.integrity, TRIANGLE)
+
+
 def test_variances_are_the_promised_ones_where_the_sky_is_good() -> None:
-    found = variances(covariance(*[(0.9, 0.9, 1.9)] * 3), EXAMPLE.integrity)
-    assert np.stack(found) == pytest.approx(np.stack([[SIGMA_C**2], [SIGMA_D**2]]))
+    found = grown(*[(0.9, 0.9, 1.9)] * 3)
+    assert np.stack((found.common, found.differential)) == pytest.approx(np.stack([[SIGMA_C**2], [SIGMA_D**2]]))
 
 
 def test_variances_grow_with_those_of_the_solutions_axis_by_axis() -> None:
     # Mean variance of the three: east 4 m2, four times the promise; north and up as promised or better.
-    found = variances(covariance((2.0, 0.5, 1.0), (2.0, 1.0, 2.0), (2.0, 0.5, 1.0)), EXAMPLE.integrity)
-    assert np.stack(found) == pytest.approx(np.stack([[SIGMA_C**2], [SIGMA_D**2]]) * [4.0, 1.0, 1.0])
+    found = grown((2.0, 0.5, 1.0), (2.0, 1.0, 2.0), (2.0, 0.5, 1.0))
+    assert np.stack((found.common, found.differential)) == pytest.approx(np.stack([[SIGMA_C**2], [SIGMA_D**2]]) * [4.0, 1.0, 1.0])
 
 
 def test_variances_of_an_unsolved_receiver_are_unknown() -> None:
-    assert np.isnan(np.stack(variances(covariance((1.0, 1.0, 1.0), (np.nan, np.nan, np.nan), (1.0, 1.0, 1.0)), EXAMPLE.integrity))).all()
+    found = grown((1.0, 1.0, 1.0), (np.nan, np.nan, np.nan), (1.0, 1.0, 1.0))
+    assert all(np.isnan(values).all() for values in found)
 
 
-@pytest.mark.parametrize("name", TriangleStatistics._fields)
+@pytest.mark.parametrize("name", [*TriangleStatistics._fields, *NamingStatistics._fields])
 def test_an_unsolved_receiver_leaves_no_number_that_depends_on_it(name: str) -> None:
     e = np.array(SOME[:1])
     e[0, 1] = np.nan
-    value = getattr(statistics(e), name)[0]
+    value = getattr(statistics(e) if name in TriangleStatistics._fields else naming(e), name)[0]
     depends = np.atleast_1d(value)[[1]] if name == "circle_m" else np.atleast_1d(value)[[0, -1]]
     assert np.isnan(depends).all()
 

@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from integrity.gnss.observations import ROW_ARRAYS, ROW_FLOATS, ObservationRow, build_block
+from integrity.gnss.observations import ROW_ARRAYS, ROW_FLOATS, ObservationRow, build_block, layout_of
 
 
 def row(receiver: str, signals: tuple[str, ...], first_range_m: float = 2e7, receive_time_ns: int = 10**18) -> ObservationRow:
@@ -74,7 +74,8 @@ def test_satellites_belong_to_the_signals() -> None:
 
 
 def test_a_remembered_signal_has_a_column() -> None:
-    block = build_block(("A",), [0], [[row("A", ("G07.1C",))]], more_signals=("G03.1C", "G07.1C"))
+    rows = [row("A", ("G07.1C",))]
+    block = build_block(("A",), [0], [rows], layout_of(rows, more_signals=("G03.1C", "G07.1C")))
     assert block.signals == ("G03.1C", "G07.1C")
 
 
