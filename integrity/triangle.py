@@ -47,5 +47,5 @@ def reference_triangle(site: SiteConfig) -> ReferenceTriangle:
         lon_rad=lon_rad,
         height_m=height_m,
         enu=enu,
-        baseline_enu_m=(points - points.mean(axis=0)) @ enu[0].T,
+        baseline_enu_m=np.einsum("ij,rj->ri", enu[0], points - points.mean(axis=0)),
     )

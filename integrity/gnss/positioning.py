@@ -344,14 +344,14 @@ def relinearised(
         pos = pos + _turn(np.swapaxes(there.enu, -1, -2), np.where(np.isfinite(step), step, 0.0))
     converged: Bools = np.all(np.abs(refined.e_enu_m) < 0.01, axis=-1)
     e = _turn(points.enu, pos - points.pos_ecef_m)
-    turn = points.enu @ np.swapaxes(there.enu, -1, -2)
-    cov = turn @ refined.cov_enu_m2 @ np.swapaxes(turn, -1, -2)
+    turn = np.einsum("...ij,...kj->...ik", points.enu, there.enu)
+    cov = np.einsum("...ij,...jk,...lk->...il", turn, refined.cov_enu_m2, turn)
     return _replaced(found, far, replace(refined, e_enu_m=e, cov_enu_m2=cov), converged)
 
 
 def _turn(axes: Floats, vectors: Floats) -> Floats:
     """Vectors (..., 3) in other axes (..., 3, 3)."""
-    turned: Floats = (axes @ vectors[..., None])[..., 0]
+    turned: Floats = np.einsum("...ij,...j->...i", axes, vectors)
     return turned
 
 

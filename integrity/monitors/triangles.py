@@ -113,9 +113,14 @@ def collapse_statistic(own_m: Floats, baseline_m: Floats, var: Variances) -> Flo
 
 def solved_points_m(e_enu_m: Floats, triangle: ReferenceTriangle) -> Floats:
     """Solved positions (E, R, 3) in the axes of the first receiver, from the centroid of the reference triangle, m."""
-    moved_ecef = (np.swapaxes(triangle.enu, -1, -2) @ e_enu_m[..., None])[..., 0]
-    result: Floats = triangle.baseline_enu_m + moved_ecef @ triangle.enu[0].T
+    result: Floats = triangle.baseline_enu_m + np.einsum("ij,erj->eri", triangle.enu[0], _moved_ecef_m(e_enu_m, triangle))
     return result
+
+
+def _moved_ecef_m(e_enu_m: Floats, triangle: ReferenceTriangle) -> Floats:
+    """Displacements (..., R, 3), each in the axes of its receiver, in ECEF."""
+    moved_m: Floats = np.einsum("rij,...ri->...rj", triangle.enu, e_enu_m)
+    return moved_m
 
 
 def _spread(points_m: Floats, var_d: Floats) -> Floats:
@@ -149,7 +154,7 @@ def swapped_receivers(e_enu_m: Floats, triangle: ReferenceTriangle, limits: Limi
 
     For people only: antennas connected to each other's receivers, or coordinates entered for the wrong one.
     """
-    solved_ecef_m = triangle.pos_ecef_m + (np.swapaxes(triangle.enu, -1, -2) @ e_enu_m[..., None])[..., 0]
+    solved_ecef_m = triangle.pos_ecef_m + _moved_ecef_m(e_enu_m, triangle)
     fits = np.linalg.norm(solved_ecef_m[:, None] - triangle.pos_ecef_m[None], axis=-1) <= 2.0 * limits.radius_m
     names = triangle.names
     if fits.diagonal().any() and not fits.diagonal().all():

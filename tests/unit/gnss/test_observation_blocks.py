@@ -79,6 +79,19 @@ def test_a_remembered_signal_has_a_column() -> None:
     assert block.signals == ("G03.1C", "G07.1C")
 
 
+def test_the_layout_before_serves_rows_with_the_same_signals() -> None:
+    before = layout_of([row("A", ("G07.1C",)), row("B", ("G08.1C",))], ("G09.1C",))
+    assert layout_of([row("A", ("G07.1C",), 3e7), row("B", ("G08.1C",))], ("G09.1C",), before) is before
+
+
+@pytest.mark.parametrize(
+    ("seen", "more"), [(("G07.1C", "G08.1C"), ()), (("G08.1C",), ()), (("G07.1C",), ("G09.1C",))], ids=["one more", "another", "remembered"]
+)
+def test_the_layout_before_does_not_serve_other_signals(seen: tuple[str, ...], more: tuple[str, ...]) -> None:
+    rows = [row("A", seen)]
+    assert layout_of(rows, more, layout_of([row("A", ("G07.1C",))])).signals == layout_of(rows, more).signals
+
+
 def test_order_of_signals_in_a_row_changes_nothing() -> None:
     one = row("A", ("G01.1C", "G02.1C", "G03.1C"))
     reversed_arrays: dict[str, Any] = {name: getattr(one, name)[::-1] for name in ROW_ARRAYS}
