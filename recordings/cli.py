@@ -252,8 +252,8 @@ def info(recording: Recording, as_json: Json = False) -> None:
 
     Example: wayside recording info day.mcap
     """
-    from recordings.reader import salvage
     from integrity.messages import wayside_pb2 as pb
+    from recordings.reader import salvage
     from recordings.replay import beginning, span_utc
 
     contents = salvage(recording)

@@ -300,3 +300,8 @@ def test_an_antenna_that_is_not_on_the_train_is_refused(x_m: str) -> None:
 )
 def test_sources_and_stations_are_refused_along_with_the_rest_of_their_table(other: tuple[str, str], old: str, new: str, key: str) -> None:
     assert key in "".join(problems(changed(*other).replace(old, new)))
+
+
+@pytest.mark.xfail(strict=True, reason="two antennas may have one source, which a site file refuses")
+def test_two_antennas_with_one_source_are_refused() -> None:
+    assert "antenna.1.source" in problems(EXAMPLE + SECOND + 'source = "tcp://10.0.0.11:2000"\n')[0]
