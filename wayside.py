@@ -16,6 +16,7 @@ from recordings.keys_cli import commands as keys_commands
 from station.cli import commands as station_commands
 from train_client.cli import commands as train_client_commands
 from train_client.cli import train_commands
+from train_client.demo_cli import commands as demo_commands
 from train_client.map_cli import commands as map_commands
 
 app = typer.Typer(
@@ -23,6 +24,7 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
     help="Ground-side integrity monitoring for railways that locate their trains by satellite.",
 )
+app.add_typer(demo_commands)
 app.add_typer(station_commands, name="station")
 app.add_typer(recordings_commands)
 app.add_typer(recording_commands, name="recording")

@@ -4,7 +4,7 @@ Every range is a limit of plausibility (a slip of the unit, a typing error), not
 """
 
 import re
-from collections.abc import Collection
+from collections.abc import Collection, Mapping
 from typing import Annotated, Any, Literal, TypeVar, get_args, get_origin
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
@@ -132,26 +132,33 @@ SOURCE_FORMS = {  # scheme: the form as a person writes it, and what follows the
 }
 
 
-def read_section(document: TomlDocument, parts: Parts, model: type[S]) -> tuple[S, list[Problem]]:
-    """The table at `parts`, absent as an empty one. With problems, the section holds the sound keys, and defaults or "" for the rest."""
+def read_section(
+    document: TomlDocument, parts: Parts, model: type[S], sections: Mapping[str, type[Section]] = SECTIONS
+) -> tuple[S, list[Problem]]:
+    """The table at `parts`, absent as an empty one. With problems, the section holds the sound keys, and defaults or "" for the rest.
+
+    `sections` are all that the file may have: a key that stands in the wrong one is sent to where it belongs.
+    """
     table: Any = document.values
     for part in parts:
         table = table.get(part, {})
+    required: dict[str, Any] = {key: "" for key, field in model.model_fields.items() if field.is_required()}
     if not isinstance(table, dict):
-        return model.model_construct(), [document.problem(parts, f"expected a table: write [{dotted(parts)}] and its keys below it")]
+        return model.model_construct(**required), [
+            document.problem(parts, f"expected a table: write [{dotted(parts)}] and its keys below it")
+        ]
     try:
         return model.model_validate(table), []
     except ValidationError as error:
         bad = {str(found["loc"][0]) for found in error.errors()}
-        problems = [document.problem((*parts, key), _expectation(model, key, table)) for key in sorted(bad)]
-        required: dict[str, Any] = {key: "" for key, field in model.model_fields.items() if field.is_required()}
+        problems = [document.problem((*parts, key), _expectation(model, key, table, sections)) for key in sorted(bad)]
         sound = {key: value for key, value in table.items() if key not in bad}
         return model.model_construct(**required | sound), problems
 
 
-def _expectation(model: type[Section], key: str, table: dict[str, Any]) -> str:
+def _expectation(model: type[Section], key: str, table: dict[str, Any], sections: Mapping[str, type[Section]]) -> str:
     if key not in model.model_fields:
-        return unknown_key(key, model.model_fields)
+        return unknown_key(key, model.model_fields, sections)
     field = model.model_fields[key]
     if get_origin(field.annotation) is Literal:
         options = get_args(field.annotation)
@@ -159,9 +166,10 @@ def _expectation(model: type[Section], key: str, table: dict[str, Any]) -> str:
     return f"expected {field.description}" if key in table else f"missing: add {key}, {field.description}"
 
 
-def unknown_key(key: str, known: Collection[str]) -> str:
+def unknown_key(key: str, known: Collection[str], sections: Mapping[str, type[Section]] = SECTIONS) -> str:
     """What to write instead of a key that no one reads."""
-    homes = ["[receivers.NAME]" if name == "receivers" else f"[{name}]" for name, model in SECTIONS.items() if key in model.model_fields]
+    shown = {"receivers": "[receivers.NAME]", "antenna": "[[antenna]]"}
+    homes = [shown.get(name, f"[{name}]") for name, model in sections.items() if key in model.model_fields]
     if homes:
         return f"no such key here: it belongs in {' or '.join(homes)}"
     return "no such key" + (did_you_mean(key, known) or f": expected one of {', '.join(known)}")

@@ -94,7 +94,10 @@ class TomlDocument:
                 value = value[part]
             else:
                 return ""
-        return "" if isinstance(value, dict) else format_value(value)
+        try:
+            return "" if isinstance(value, dict) else format_value(value)
+        except (ValueError, RecursionError):  # a whole number of thousands of digits; tables of thousands in each other
+            return "…"
 
 
 def read_toml(path: Path) -> TomlDocument:

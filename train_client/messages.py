@@ -1,6 +1,7 @@
 """What a train decides on and what comes out, to messages and back. What is not known is left out: absent, never NaN."""
 
 from collections.abc import Mapping
+from math import isfinite
 
 from google.protobuf.message import Message
 
@@ -89,8 +90,8 @@ def encode_position(report: PositionReport, train: TrainConfig, track: TrackMap)
         trust=TRUST[report.trust],
         site=train.station,
         health_sequence=report.health_sequence,
-        valid_for_ms=None if report.valid_for_ns is None else report.valid_for_ns // NS_PER_MS,
-        last_confirmed=None if confirmed is None else _place(confirmed.place),
+        valid_for_ms=None if report.valid_for_ns is None else max(0, report.valid_for_ns) // NS_PER_MS,
+        last_confirmed=_place(None if confirmed is None else confirmed.place),
         last_confirmed_gps_ns=None if confirmed is None else confirmed.gps_time_ns,
         refused_messages=report.refused_messages,
         map_id=track.id,
@@ -103,27 +104,36 @@ def encode_position(report: PositionReport, train: TrainConfig, track: TrackMap)
         message.gps_time_ns = fix.gps_time_ns
         message.antennas.extend(_antenna(antenna) for antenna in fix.antennas)
         message.unused.extend(pb.UnusedSatellite(signal=signal, why=why) for signal, why in fix.unused)
-        if fix.distance_m is not None and fix.distance_expected_m is not None:
-            message.distance_m, message.distance_expected_m = fix.distance_m, fix.distance_expected_m
-        if report.status is not Status.UNKNOWN and fix.front is not None and fix.rear is not None and fix.sigma_m is not None:
-            message.front.CopyFrom(_place(fix.front))
-            message.rear.CopyFrom(_place(fix.rear))
-            message.sigma_m = fix.sigma_m
+        distance_m, expected_m, sigma_m = (_finite(x) for x in (fix.distance_m, fix.distance_expected_m, fix.sigma_m))
+        if distance_m is not None and expected_m is not None:
+            message.distance_m, message.distance_expected_m = distance_m, expected_m
+        front, rear = _place(fix.front), _place(fix.rear)
+        if report.status is not Status.UNKNOWN and front is not None and rear is not None and sigma_m is not None:
+            message.front.CopyFrom(front)
+            message.rear.CopyFrom(rear)
+            message.sigma_m = sigma_m
+        else:
+            message.status = pb.POSITION_UNKNOWN
     return message
 
 
 def _antenna(fix: AntennaFix) -> pb.AntennaFix:
     return pb.AntennaFix(
         antenna=fix.antenna,
-        place=None if fix.place is None else _place(fix.place),
-        sigma_m=fix.sigma_m,
-        tpdop=fix.tpdop,
+        place=_place(fix.place),
+        sigma_m=_finite(fix.sigma_m),
+        tpdop=_finite(fix.tpdop),
         satellites=fix.satellites,
-        residual=fix.residual,
-        residual_threshold=fix.residual_threshold,
+        residual=_finite(fix.residual),
+        residual_threshold=_finite(fix.residual_threshold),
         why=fix.why,
     )
 
 
-def _place(place: MapPlace) -> pb.TrackPlace:
-    return pb.TrackPlace(edge=place.edge, offset_m=place.offset_m)
+def _place(place: MapPlace | None) -> pb.TrackPlace | None:
+    return None if place is None or _finite(place.offset_m) is None else pb.TrackPlace(edge=place.edge, offset_m=place.offset_m)
+
+
+def _finite(number: float | None) -> float | None:
+    """The number, if it is one."""
+    return number if number is not None and isfinite(number) else None

@@ -39,7 +39,7 @@ from train_client.train_file import TrainFile
 TICK_NS = NS_PER_S
 HOLD_NS = 10 * NS_PER_S  # so long the recording waits for the first epoch, to begin with GNSS time
 INTERRUPTED = 130
-AIR = "air"
+AIR = "the air"  # no antenna can be called so
 
 Say = Callable[[str], None]
 Watch = Callable[[pb.TrainPosition], None]

@@ -3,6 +3,7 @@
 import hashlib
 import json
 from collections import Counter
+from collections.abc import Iterator
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Annotated, Any, Literal
@@ -71,7 +72,13 @@ class RecordSection(Section):
     directory: Text = "train-recordings"
 
 
-SECTIONS: dict[str, type[Section]] = {"train": TrainSection, "trust": TrustSection, "publish": PublishSection, "record": RecordSection}
+SECTIONS: dict[str, type[Section]] = {
+    "train": TrainSection,
+    "antenna": AntennaSection,
+    "trust": TrustSection,
+    "publish": PublishSection,
+    "record": RecordSection,
+}
 
 
 @dataclass(frozen=True)
@@ -100,19 +107,19 @@ def parse_train(text: str, file: str) -> TrainFile:
 
 def resolve_train(document: TomlDocument, folder: Path) -> TrainFile:
     """The train that a parsed file describes."""
-    train, problems = read_section(document, ("train",), TrainSection)
-    trust, found = read_section(document, ("trust",), TrustSection)
-    publish, more = read_section(document, ("publish",), PublishSection)
-    record, rest = read_section(document, ("record",), RecordSection)
-    antennas, of_antennas = _antennas(document)
+    train, problems = read_section(document, ("train",), TrainSection, SECTIONS)
+    trust, found = read_section(document, ("trust",), TrustSection, SECTIONS)
+    publish, more = read_section(document, ("publish",), PublishSection, SECTIONS)
+    record, rest = read_section(document, ("record",), RecordSection, SECTIONS)
+    antennas, of_antennas = _antennas(document, train.length_m)
     problems += [*found, *more, *rest, *of_antennas]
-    known = (*SECTIONS, "antenna")
+    known = tuple(SECTIONS)
     problems += [
         document.problem((key,), "no such key" + (did_you_mean(key, known) or f": expected one of {', '.join(known)}"))
         for key in document.values
         if key not in known
     ]
-    if not found and len(trust.stations) != 1:
+    if isinstance(trust.stations, tuple | list) and len(trust.stations) != 1:
         problems.append(
             document.problem(("trust", "stations"), "expected exactly one station: several are not weighed against each other yet")
         )
@@ -130,32 +137,45 @@ def resolve_train(document: TomlDocument, folder: Path) -> TrainFile:
     )
 
 
-def _antennas(document: TomlDocument) -> tuple[list[AntennaSection], list[Problem]]:
+def _antennas(document: TomlDocument, length_m: float) -> tuple[list[AntennaSection], list[Problem]]:
     tables = document.values.get("antenna", [])
     if not isinstance(tables, list) or not tables or not all(isinstance(table, dict) for table in tables):
         return [], [document.problem(("antenna",), "expected one table [[antenna]] or more, each with id, source, x_m and height_m")]
     antennas, problems = [], []
     for index, table in enumerate(tables):
-        at = ("antenna", str(index))
-        antenna, found = _read_antenna(document, at, table)
+        antenna, found = _read_antenna(document, ("antenna", str(index)), table)
         antennas.append(antenna)
         problems += found
-        wrong = source_problem(antenna.source) if antenna.source and not found else None
-        if wrong:
-            problems.append(document.problem((*at, "source"), wrong))
+    problems += _places_and_sources(document, antennas, length_m)
     for name, count in Counter(antenna.id for antenna in antennas).items():
         if count > 1 and name:
             problems.append(document.problem(("antenna",), f"{count} antennas are called {name!r}: give each a name of its own"))
-    places = Counter(antenna.x_m for antenna in antennas)
-    if not problems and len(places) < len(antennas):
+    if not problems and len({antenna.x_m for antenna in antennas}) < len(antennas):
         problems.append(document.problem(("antenna",), "two antennas at one x_m: the distance between them would tell nothing"))
     return antennas, problems
+
+
+def _places_and_sources(document: TomlDocument, antennas: list[AntennaSection], length_m: float) -> Iterator[Problem]:
+    """Antennas that are not on the train, malformed sources, and two antennas fed from one; what is wrong already is passed over."""
+    first_with: dict[str, int] = {}
+    for index, antenna in enumerate(antennas):
+        at = ("antenna", str(index))
+        if isinstance(antenna.x_m, float) and isinstance(length_m, float) and not -length_m <= antenna.x_m <= 0.0:
+            yield document.problem((*at, "x_m"), f"expected 0 to -{length_m:g}: metres from the front end, backwards negative")
+        if not isinstance(antenna.source, str) or not antenna.source:
+            continue
+        wrong = source_problem(antenna.source)
+        other = first_with.setdefault(antenna.source.partition("?")[0], index)
+        if wrong:
+            yield document.problem((*at, "source"), wrong)
+        elif other != index:
+            yield document.problem((*at, "source"), f"antenna {antennas[other].id} has the same source: expected each with its own")
 
 
 def _read_antenna(document: TomlDocument, at: tuple[str, str], table: dict[str, Any]) -> tuple[AntennaSection, list[Problem]]:
     """`read_section` looks tables up by name; those of an array have a number."""
     inner = TomlDocument(document.file, document.text, {at[0]: {at[1]: table}}, document.lines)
-    return read_section(inner, at, AntennaSection)
+    return read_section(inner, at, AntennaSection, SECTIONS)
 
 
 def _config(train: TrainSection, antennas: list[AntennaSection], trust: TrustSection) -> TrainConfig:

@@ -156,4 +156,4 @@ def _valid_until_ns(received: Received, mono_ns: int) -> int:
     """When the age bound reaches the validity: it grows faster than the clock by the drift. A message of unknown age has ended."""
     if received.age_ns is None or not received.fresh:
         return mono_ns
-    return mono_ns + (received.valid_ns - received.age_ns) * DRIFT_DIVISOR // (DRIFT_DIVISOR + 1) - 1  # the bound is rounded up
+    return mono_ns + (received.valid_ns - received.age_ns) * DRIFT_DIVISOR // (DRIFT_DIVISOR + 1)

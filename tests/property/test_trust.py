@@ -42,7 +42,7 @@ class Story(NamedTuple):
 
 def told(said: State, fresh: bool) -> Received:
     """A message of 23 ns validity, 1 ns old: 22 ns of age bound are 21 ns of the clock, and one is rounded away."""
-    return Received("", True, fresh, said=said, sequence=1, age_ns=1 if fresh else 99, valid_ns=LEFT_NS + 3)
+    return Received("", True, fresh, said=said, sequence=1, age_ns=1 if fresh else 99, valid_ns=LEFT_NS + 2)
 
 
 MESSAGES = {
@@ -50,7 +50,7 @@ MESSAGES = {
     "stale NORMAL": told(State.NORMAL, False),
     "fresh ANOMALY": told(State.SATELLITE_ANOMALY, True),
     "unfresh NOT_CONFIRMABLE": told(State.NOT_CONFIRMABLE, False),
-    "refused": Received("wrong signature", False, True, said=State.NORMAL, sequence=1, age_ns=1, valid_ns=LEFT_NS + 3),
+    "refused": Received("wrong signature", False, True, said=State.NORMAL, sequence=1, age_ns=1, valid_ns=LEFT_NS + 2),
 }
 STEPS_NS = {"to the end": LEFT_NS, "on": 1, "half": LEFT_NS // 2, "to the end of patience": LEFT_NS + PATIENCE_NS}
 

@@ -29,8 +29,10 @@ class Vouched(NamedTuple):
 
 
 def vouched_by(health: pb.Health) -> Vouched | None:
-    """What a message that says NORMAL covers; None where it does not say."""
+    """What a message that says NORMAL covers; None where it does not say, or would cover what comes after its own epoch."""
     if not (health.HasField("covers_from_gps_ns") and health.HasField("covers_to_gps_ns")):
+        return None
+    if not health.covers_to_gps_ns <= health.gps_time_ns:
         return None
     excluded = set(health.excluded_satellites)
     return Vouched(

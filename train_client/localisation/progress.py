@@ -2,13 +2,12 @@
 
 from train_client.config import TrainConfig
 from train_client.outputs import Fix, MapPlace
-from train_client.track.network import Place, Unreachable, arc_between
+from train_client.track.network import Place, Unreachable, shortest_way
 from train_client.track.track_map import TrackMap
 
 NS_PER_S = 1_000_000_000
 REAR_FIRST_M = 20.0  # own choice: more than noise and multipath move a train that stands, less than its length
 SIGMAS = 6.0  # own choice: a step may look longer than it is by so many standard deviations of a fix
-FORGET_AFTER_M = 50_000.0  # so far the way back to the last confirmed place is looked for
 
 
 class Progress:
@@ -47,14 +46,12 @@ class Progress:
         self._last = fix
 
     def _step_m(self, fix: Fix) -> float | Unreachable:
-        """From the last confirmed place, positive where the front leads."""
+        """From the last confirmed place by the shortest way, positive where the front leads: it may have come by a longer one."""
         if self._last is None or self._last.front is None or fix.front is None:
             return 0.0
         before, now = self._place(self._last.front), self._place(fix.front)
-        if before.edge_index == now.edge_index:
-            return self._last.facing * (now.s_m - before.s_m)
-        arc_m = arc_between(self._track, before, now, FORGET_AFTER_M)
-        return arc_m if isinstance(arc_m, Unreachable) else self._last.facing * arc_m
+        way_m = shortest_way(self._track, before, now)
+        return way_m if isinstance(way_m, Unreachable) else self._last.facing * way_m
 
     def _place(self, place: MapPlace) -> Place:
         return Place(self._index[place.edge], place.offset_m)

@@ -1,5 +1,6 @@
 """Ways along the railhead: where a place comes to lie when it is moved by a distance, and how far two places are apart."""
 
+import heapq
 import math
 from typing import NamedTuple
 
@@ -87,6 +88,33 @@ def arc_between(track: TrackMap, a: Place, b: Place, limit_m: float) -> float | 
         else f"{len(arcs_m)} ways, of " + ", ".join(f"{abs(arc_m):.1f} m" for arc_m in sorted(arcs_m, key=abs)[:4])
     )
     return Unreachable(f"{ways} from {_words(track, a)} to {_words(track, b)} within {limit_m:.0f} m")
+
+
+def shortest_way(track: TrackMap, a: Place, b: Place) -> float | Unreachable:
+    """The shortest allowed way from a to b in map metres, positive where it leaves a towards growing s (Dijkstra over ends of edges)."""
+    a_m, b_m = _on_edge(track, a.edge_index, a.s_m), _on_edge(track, b.edge_index, b.s_m)
+    if isinstance(a_m, Unreachable):
+        return a_m
+    if isinstance(b_m, Unreachable):
+        return b_m
+    best_m = b_m - a_m if a.edge_index == b.edge_index else math.inf
+    edge = track.edges[a.edge_index]
+    to_end_m, to_beginning_m = float(edge.s_m[-1]) - a_m, a_m - float(edge.s_m[0])
+    ways = [(to_end_m, 1, EdgeEnd(a.edge_index, True)), (to_beginning_m, -1, EdgeEnd(a.edge_index, False))]
+    heapq.heapify(ways)
+    left: set[EdgeEnd] = set()
+    while ways and ways[0][0] < abs(best_m):
+        gone_m, sign, end = heapq.heappop(ways)
+        for entered in () if end in left else track.continuations[end]:
+            edge = track.edges[entered.edge]
+            reached_m = gone_m + abs(b_m - float(edge.s_m[-1 if entered.last else 0]))
+            if entered.edge == b.edge_index and reached_m < abs(best_m):
+                best_m = sign * reached_m
+            heapq.heappush(ways, (gone_m + float(edge.s_m[-1] - edge.s_m[0]), sign, EdgeEnd(entered.edge, not entered.last)))
+        left.add(end)
+    if math.isfinite(best_m):
+        return best_m
+    return Unreachable(f"no allowed way from {_words(track, a)} to {_words(track, b)}")
 
 
 def _on_edge(track: TrackMap, edge_index: int, s_m: float) -> float | Unreachable:

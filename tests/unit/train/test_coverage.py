@@ -40,12 +40,16 @@ def test_a_message_for_one_epoch_covers_it() -> None:
 
 
 def health(**changes: Any) -> pb.Health:
-    fields: dict[str, Any] = {"covers_from_gps_ns": 10, "covers_to_gps_ns": 20, "monitored": ["G05.1C", "G051.1C", "E11.1C"]}
+    fields: dict[str, Any] = {"gps_time_ns": 20, "covers_from_gps_ns": 10, "covers_to_gps_ns": 20, "monitored": ["G05.1C", "G051.1C", "E11.1C"]}
     return pb.Health(**(fields | changes))
 
 
 def test_a_message_vouches_for_what_it_names() -> None:
     assert vouched_by(health()) == Vouched(10, 20, frozenset({"G05.1C", "G051.1C", "E11.1C"}))
+
+
+def test_a_message_cannot_cover_what_comes_after_its_own_epoch() -> None:
+    assert vouched_by(health(gps_time_ns=19)) is None
 
 
 def test_an_excluded_satellite_is_not_vouched_for() -> None:
