@@ -8,8 +8,9 @@ import numpy as np
 
 from integrity.config import IntegrityConfig, SiteConfig
 from integrity.exclusion import SatelliteStatistics
+from integrity.gnss.least_squares import Design, Solution, design, solution
 from integrity.gnss.observations import Bools, Floats
-from integrity.gnss.positioning import Design, Points, Solution, design, relinearised, solution
+from integrity.gnss.positioning import Points, relinearised
 from integrity.gnss.signals import SYSTEMS
 from integrity.limits import Limits
 from integrity.monitors.residuals import ClockDesign, clock_design

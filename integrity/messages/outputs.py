@@ -8,7 +8,7 @@ from google.protobuf.message import Message
 from integrity.config import SiteConfig
 from integrity.exclusion import Exclusion
 from integrity.gnss.gps_time import utc_from_gps
-from integrity.gnss.positioning import Unsolved
+from integrity.gnss.least_squares import Unsolved
 from integrity.messages import wayside_pb2 as pb
 from integrity.outputs import Alert, EpochReport, HealthReport, Output
 from integrity.states import Cause, Outcome, State

@@ -18,8 +18,9 @@ from typing import Any
 import numpy as np
 
 from integrity.gnss.ephemeris import EphemerisStore, accuracy_m, satellite_states, usable
+from integrity.gnss.least_squares import postfit_m
 from integrity.gnss.observations import Bools, Floats, build_block
-from integrity.gnss.positioning import points_at, positions, postfit_m, prefit, range_sigma_m, state_time_ns
+from integrity.gnss.positioning import points_at, positions, prefit, range_sigma_m, state_time_ns
 from integrity.gnss.signals import SYSTEMS, system_index
 from recordings.rinex.navigation import read_navigation
 from recordings.rinex.observation import read_observations

@@ -9,8 +9,9 @@ import pytest
 
 from integrity.events import EphemerisReceived, Event, ObservationsReceived
 from integrity.gnss.ephemeris import satellite_states
+from integrity.gnss.least_squares import solve
 from integrity.gnss.observations import build_block
-from integrity.gnss.positioning import points_at, prefit, solve, state_time_ns
+from integrity.gnss.positioning import points_at, prefit, state_time_ns
 from integrity.station_monitor import Snapshot
 from integrity.stream_memory import StreamMemory
 from recordings.faults import Fault, inject

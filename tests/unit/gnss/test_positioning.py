@@ -16,20 +16,9 @@ from integrity.gnss.constants import SPEED_OF_LIGHT_MPS
 from integrity.gnss.ephemeris import EphemerisStore, SatelliteStates, satellite_states
 from integrity.gnss.frames import ecef_from_geodetic
 from integrity.gnss.gps_time import NS_PER_S, parse_utc
+from integrity.gnss.least_squares import Solution, Unsolved, postfit_m, solve
 from integrity.gnss.observations import Bools, Floats, Ints, ObservationBlock
-from integrity.gnss.positioning import (
-    Points,
-    Prefit,
-    Solution,
-    Unsolved,
-    points_at,
-    positions,
-    postfit_m,
-    prefit,
-    range_sigma_m,
-    solve,
-    state_time_ns,
-)
+from integrity.gnss.positioning import Points, Prefit, points_at, positions, prefit, range_sigma_m, state_time_ns
 from integrity.gnss.signals import system_index
 from recordings.simulate.constellation import IONOSPHERE, constellation
 

@@ -40,7 +40,12 @@ def test_a_message_for_one_epoch_covers_it() -> None:
 
 
 def health(**changes: Any) -> pb.Health:
-    fields: dict[str, Any] = {"gps_time_ns": 20, "covers_from_gps_ns": 10, "covers_to_gps_ns": 20, "monitored": ["G05.1C", "G051.1C", "E11.1C"]}
+    fields: dict[str, Any] = {
+        "gps_time_ns": 20,
+        "covers_from_gps_ns": 10,
+        "covers_to_gps_ns": 20,
+        "monitored": ["G05.1C", "G051.1C", "E11.1C"],
+    }
     return pb.Health(**(fields | changes))
 
 
