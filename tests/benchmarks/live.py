@@ -7,6 +7,7 @@ to the moment at which the listener has verified the signed health of that epoch
 
 import argparse
 import json
+import os
 import subprocess
 import sys
 import tempfile
@@ -60,6 +61,7 @@ def measure(seconds: float) -> dict[str, Any]:
         )
         sent_ns: dict[int, int] = {}
         with running_station(field) as station:
+            threading.Thread(target=_complain_if_it_ends, args=(station, Path(folder) / "station.log"), daemon=True).start()
             server.wait_for_clients()
             process = psutil.Process(station.pid)
             until(lambda: out.exists() and _has_peer(field.endpoint), 10.0)
@@ -75,6 +77,13 @@ def measure(seconds: float) -> dict[str, Any]:
         talk = (Path(folder) / "station.log").read_text()
         recorded = sum(path.stat().st_size for path in field.recordings())
         return _summary(seconds, sent_ns, out.read_text().splitlines(), rss, cpu_share, exit_code, talk, recorded)
+
+
+def _complain_if_it_ends(station: subprocess.Popen[str], log: Path) -> None:
+    """A station that does not start leaves the receivers waiting for ever."""
+    if station.wait() not in (0, -9):
+        print(f"the station ended: {log.read_text()}", file=sys.stderr)
+        os._exit(1)
 
 
 class _Watch:
