@@ -19,7 +19,7 @@ from integrity.gnss.ephemeris import SatelliteStates
 from integrity.gnss.observations import Bools, Floats, Ints, ObservationBlock, freeze
 from integrity.gnss.positioning import Expected, Points, compared, expected, points_at
 from train_client.limits import TrainLimits
-from train_client.positioning.line import Along, Near, along, clocks_m, dot, sums_of
+from train_client.positioning.line import Along, Near, along, clocks_m, dot, sums_of, time_dilution
 from train_client.track.locus import AT_SWITCH, Locus
 
 
@@ -42,7 +42,7 @@ HOPS_ON = -1  # no reason to end yet
 
 @dataclass(frozen=True, eq=False)
 class OnTrack:
-    """Antennas on their loci, (E, R): `d_m` from the beginning of `segment`, metres of locus, with `sigma_m`; `clock_m` (E, R, K).
+    """Antennas on their loci, (E, R): `d_m` from the beginning of `segment`, metres of locus, with `sigma_m`; `clock_m`, `ttdop` (E, R, K).
 
     NaN unless SOLVED; `segment` is then the last one tried, and `sse` (weighted), `tpdop`, `dof`, `n_used` tell why. `dof` is
     n - 1 - C, with C clocks.
@@ -53,6 +53,7 @@ class OnTrack:
     clock_m: Floats
     sigma_m: Floats
     tpdop: Floats
+    ttdop: Floats
     sse: Floats
     dof: Ints
     n_used: Ints
@@ -60,6 +61,12 @@ class OnTrack:
 
     def __post_init__(self) -> None:
         freeze(self)
+
+    @property
+    def tgdop(self) -> Floats:
+        """Dilution of place and clocks together, (E, R): sqrt(TPDOP^2 + sum TTDOP^2); 1.6."""
+        result: Floats = np.sqrt(self.tpdop**2 + np.nansum(self.ttdop**2, axis=-1))
+        return result
 
     @property
     def solved(self) -> Bools:
@@ -229,6 +236,7 @@ def _on_track(paths: Paths, near: Near, found: Followed, shape: tuple[int, ...],
         clock_m=clock_m.reshape(*shape, clock_m.shape[-1]),
         sigma_m=np.sqrt(1.0 / np.where(solved, s_aa, np.nan)).reshape(shape),
         tpdop=tpdop.reshape(shape),
+        ttdop=time_dilution(near, paths.along_ecef[segment], found.along).reshape(*shape, clock_m.shape[-1]),
         sse=sse.reshape(shape),
         dof=near.sums.dof.reshape(shape),
         n_used=near.sums.n_used.reshape(shape),

@@ -121,6 +121,20 @@ def clocks_m(near: Near, place_ecef_m: Floats) -> Floats:
     return result
 
 
+def time_dilution(near: Near, along_ecef: Floats, found: Along) -> Floats:
+    """TTDOP (n, K): dilution of each constellation's clock, sqrt(C_22) of (H'H)^-1 for equal weights; NaN for one that is not used.
+
+    With W_k the weight of a constellation: C_22 = mean(w) (1 / W_k + (mean a)_k^2 / s_aa). TGDOP^2 = TPDOP^2 + sum TTDOP^2; 1.6, 1.16.
+    """
+    _, means, weight, n_used, _ = near.sums
+    a_mean = -dot(dot(near.enu, along_ecef[:, None])[:, None], means[:, :3].transpose(0, 2, 1))  # (n, K)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        w_mean = weight.sum(axis=1) / n_used
+        ttdop = np.sqrt(w_mean[:, None] * (1.0 / weight + a_mean * a_mean / found.s_aa[:, None]))
+    result: Floats = np.where(weight > 0.0, ttdop, np.nan)
+    return result
+
+
 def dot(a: Floats, b: Floats) -> Floats:
     """Products of vectors (..., 3): added in their order, so that one has the same bits as many."""
     result: Floats = np.add.reduce(a * b, axis=-1)

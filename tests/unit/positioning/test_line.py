@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from integrity.gnss.observations import Floats
-from train_client.positioning.line import Along, Near, Sums, along, clocks_m, sums_of
+from train_client.positioning.line import Along, Near, Sums, along, clocks_m, sums_of, time_dilution
 
 # Section 2 of the digest, "Golden vector": no clocks of satellites, no atmosphere.
 BEGIN = np.array((-3940790.0063, 3370513.5261, 3701269.2900))
@@ -137,3 +137,14 @@ def test_the_order_of_satellites_is_rounding_only() -> None:
     begin, e = np.zeros((1, 3)), np.array([[0.0, 0.6, 0.8]])
     one, other = (along(near_of(y[k], u[k], w[k]), begin, e) for k in (np.arange(12), order))
     assert np.concatenate(one) == pytest.approx(np.concatenate(other), rel=1e-9)
+
+
+def test_dilutions_are_those_of_the_matrix() -> None:
+    """C = (H'H)^-1 with H = [a, 1], by numpy; equal weights, one constellation."""
+    cosines = np.array([0.494, 0.235, -0.911, 0.727])
+    near = near_of(np.zeros(4), np.array([(-a, 0.0, 0.0) for a in cosines]))
+    line = np.array([[1.0, 0.0, 0.0]])
+    found = along(near, np.zeros((1, 3)), line)
+    H = np.stack((cosines, np.ones(4)), axis=1)
+    C = np.linalg.inv(H.T @ H)
+    assert (float(found.tpdop[0]), float(time_dilution(near, line, found)[0, 0])) == pytest.approx(tuple(np.sqrt(np.diag(C))), rel=1e-12)
