@@ -194,6 +194,7 @@ class TrainLocaliser:
             if not isinstance(heard, EphemerisReceived):
                 yield heard
             elif isinstance(event, RawBytes):
+                self._agreement.forget_before(self._assembler.last_epoch_ns or 0)
                 for ephemeris in self._agreement.told(event.receiver, heard.ephemeris):
                     yield EphemerisReceived(heard.mono_ns, ephemeris)
 

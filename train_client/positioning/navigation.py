@@ -20,6 +20,7 @@ class NavigationAgreement:
     def __init__(self, antennas: Sequence[str], memory: Iterable[Told] = ()) -> None:
         self.antennas = tuple(antennas)
         self._sets: dict[str, dict[tuple[int, int], dict[str, Ephemeris]]] = {}
+        self._mismatched: set[str] = set()
         for antenna, ephemeris in memory:
             self._keep(antenna, ephemeris)
 
@@ -37,17 +38,18 @@ class NavigationAgreement:
             return []
         of_satellite = self._sets[ephemeris.satellite]
         self._sets[ephemeris.satellite] = {key: sets for key, sets in of_satellite.items() if key[0] >= ephemeris.toe_ns}
+        self._compare(ephemeris.satellite)
         return [agreed]
 
     @property
     def mismatched(self) -> tuple[str, ...]:
         """Satellites of which antennas tell different things: not to be used."""
-        return tuple(sorted(s for s, by_key in self._sets.items() if any(len(_contents(sets)) > 1 for sets in by_key.values())))
+        return tuple(sorted(self._mismatched))
 
     def forget_before(self, gps_ns: int) -> None:
         """Drop what no epoch at or after `gps_ns` can use."""
         kept = [told for told in self.memory() if told[1].toe_ns + told[1].fit_half_s * NS_PER_S >= gps_ns]
-        self._sets = {}
+        self._sets, self._mismatched = {}, set()
         for antenna, ephemeris in kept:
             self._keep(antenna, ephemeris)
 
@@ -58,6 +60,12 @@ class NavigationAgreement:
     def _keep(self, antenna: str, ephemeris: Ephemeris) -> None:
         by_key = self._sets.setdefault(ephemeris.satellite, {})
         by_key.setdefault((ephemeris.toe_ns, ephemeris.issue), {})[antenna] = ephemeris
+        self._compare(ephemeris.satellite)
+
+    def _compare(self, satellite: str) -> None:
+        """Remember whether the antennas tell different things of a satellite."""
+        differ = any(len(_contents(sets)) > 1 for sets in self._sets[satellite].values())
+        (self._mismatched.add if differ else self._mismatched.discard)(satellite)
 
     def _agreed(self, like: Ephemeris) -> Ephemeris | None:
         """The set under the same satellite, reference time and issue that all antennas have told alike, or None."""
