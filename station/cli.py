@@ -1,12 +1,12 @@
 """Commands of the station."""
 
 import json
-import sys
-from datetime import UTC, datetime
 from pathlib import Path
 from typing import Annotated
 
 import typer
+
+from recordings.talk import say
 
 commands = typer.Typer(no_args_is_help=True, help="The station at the trackside.")
 
@@ -38,7 +38,7 @@ def run(site: Annotated[Path, typer.Argument(help="Site file (TOML).", show_defa
     from station.check import sound_site
     from station.runtime import run_station
 
-    raise typer.Exit(run_station(sound_site(site), _say))
+    raise typer.Exit(run_station(sound_site(site), say))
 
 
 @commands.command()
@@ -50,11 +50,4 @@ def configure(site: Annotated[Path, typer.Argument(help="Site file (TOML).", sho
     from station.check import sound_site
     from station.configure import configure as set_receivers
 
-    set_receivers(sound_site(site), lambda receiver, line: _say(f"{receiver}: {line}"))
-
-
-def _say(line: str) -> None:
-    """To people: one line per change, on stderr; with the clock on a terminal, without it where a journal has its own."""
-    clock = f"{datetime.now(UTC):%H:%M:%S}  " if sys.stderr.isatty() else ""
-    sys.stderr.write(f"{clock}{line}\n")  # in one piece: several threads speak
-    sys.stderr.flush()
+    set_receivers(sound_site(site), lambda receiver, line: say(f"{receiver}: {line}"))

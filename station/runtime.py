@@ -13,7 +13,6 @@ import os
 import signal
 import sys
 from collections.abc import Callable
-from dataclasses import replace
 from pathlib import Path
 from typing import TypeVar
 
@@ -33,8 +32,7 @@ from recordings.recorder import Recorder, check_directory
 from recordings.site_file import SiteFile
 from recordings.sources.host_clock import mono_now_ns, tick
 from recordings.sources.inbox import Inbox
-from recordings.sources.kinds import SILENT_AFTER_S, FileSource, Source, parse_source
-from recordings.sources.listener import Listener
+from recordings.sources.listener import listener_of
 from station.notify import notify
 from station.publisher import Publisher
 from station.recording import manner_of
@@ -56,7 +54,7 @@ def run_station(site: SiteFile, say: Say) -> int:
     Raises ConfigError or LinkError where it cannot start.
     """
     folder = Path(site.file).parent  # relative paths of a site file count from where it lies
-    sources = {name: _at_home(parse_source(url), folder) for name, url in site.sources.items() if url is not None}
+    sources = {name: url for name, url in site.sources.items() if url is not None}
     key = load_key(folder / site.publish.key)
     directory = folder / site.record.directory
     check_directory(directory)
@@ -66,7 +64,7 @@ def run_station(site: SiteFile, say: Say) -> int:
     with open_link(site.publish.listen, site.publish.connect) as link:
         publisher = Publisher(link, site.config, key, boot_id, SOFTWARE)
         recorder = Recorder(directory, manner_of(site, boot_id), say)
-        listeners = [_listener(name, source, inbox, site.config.epoch_interval_ns, say) for name, source in sources.items()]
+        listeners = [listener_of(name, url, folder, inbox, site.config.epoch_interval_ns, say) for name, url in sources.items()]
         station = Station(site, monitor, inbox, publisher, recorder, boot_id, say)
         for number in (signal.SIGTERM, signal.SIGINT):
             signal.signal(number, lambda received, _: station.stop(received))
@@ -86,16 +84,6 @@ def run_station(site: SiteFile, say: Say) -> int:
             if dropped:
                 say(f"{name}: {dropped} rows had no partner in the other receivers")
     return INTERRUPTED if station.stopped_by == signal.SIGINT else 0
-
-
-def _at_home(source: Source, folder: Path) -> Source:
-    return replace(source, path=str(folder / source.path)) if isinstance(source, FileSource) else source
-
-
-def _listener(receiver: str, source: Source, inbox: Inbox[RawBytes], interval_ns: int, say: Say) -> Listener:
-    put = inbox.put_of_file if isinstance(source, FileSource) else inbox.put
-    silent_after_s = max(SILENT_AFTER_S, 3 * interval_ns / NS_PER_S)
-    return Listener(receiver, source, put, lambda name, line: say(f"{name}: {line}"), silent_after_s=silent_after_s)
 
 
 class Station:

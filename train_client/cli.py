@@ -3,11 +3,12 @@
 import json
 import signal
 import sys
-from datetime import UTC, datetime
 from pathlib import Path
 from typing import Annotated
 
 import typer
+
+from recordings.talk import say
 
 commands = typer.Typer(no_args_is_help=True)
 train_commands = typer.Typer(no_args_is_help=True, help="The train: positions on its track, used only as the ground allows.")
@@ -93,7 +94,7 @@ def run(
     map_file = track or loaded.map_path
     if map_file is None:
         raise ConfigError(f'{train}: names no map: add map = "line.json" to [train], or give --track')
-    raise typer.Exit(run_train(loaded, map_file, _say, show))
+    raise typer.Exit(run_train(loaded, map_file, say, show))
 
 
 @train_commands.command()
@@ -128,10 +129,3 @@ def replay(
         print("\n".join(found) or f"{len(done.recorded)} recorded positions, no difference", file=sys.stderr)
         if found:
             raise typer.Exit(1)
-
-
-def _say(line: str) -> None:
-    """To people: one line per change, on stderr; with the clock on a terminal, without it where a journal has its own."""
-    clock = f"{datetime.now(UTC):%H:%M:%S}  " if sys.stderr.isatty() else ""
-    sys.stderr.write(f"{clock}{line}\n")  # in one piece: several threads speak
-    sys.stderr.flush()

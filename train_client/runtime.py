@@ -24,8 +24,7 @@ from recordings.keys import keys_of, read_trusted
 from recordings.recorder import Recorder, check_directory
 from recordings.sources.host_clock import mono_now_ns, tick
 from recordings.sources.inbox import Inbox
-from recordings.sources.kinds import SILENT_AFTER_S, FileSource, Source, parse_source
-from recordings.sources.listener import Listener
+from recordings.sources.listener import listener_of
 from train_client.air import Air
 from train_client.events import ChallengeSent, TrainEvent
 from train_client.localisation.localiser import TrainLocaliser
@@ -54,13 +53,13 @@ def run_train(train: TrainFile, map_file: Path, say: Say, watch: Watch) -> int:
     map_json = read_map_text(map_file)
     track = load_map(map_json, str(map_file))
     keys = keys_of(read_trusted(train.keys_path), config.station, train.keys_path)
-    sources = {name: _at_home(parse_source(url), Path(train.file).parent) for name, url in train.sources.items() if url is not None}
+    sources = {name: url for name, url in train.sources.items() if url is not None}
     check_directory(train.directory)
     inbox = Inbox[TrainEvent]()
     recorder = Recorder(train.directory, manner_of(config, train.text, map_json, {config.station: keys}), say)
     air = Air(train.connect, config.station, config.train_id, lambda event: inbox.put_event(AIR, event), say)
-    silent_after_s = max(SILENT_AFTER_S, 3 * config.epoch_interval_ns / NS_PER_S)
-    listeners = [_listener(name, source, inbox, say, silent_after_s) for name, source in sources.items()]
+    folder = Path(train.file).parent
+    listeners = [listener_of(name, url, folder, inbox, config.epoch_interval_ns, say) for name, url in sources.items()]
     runner = TrainRunner(TrainLocaliser(config, track, keys), inbox, air, recorder, say, watch)
     for number in (signal.SIGTERM, signal.SIGINT):
         signal.signal(number, lambda received, _: runner.stop(received))
@@ -77,15 +76,6 @@ def run_train(train: TrainFile, map_file: Path, say: Say, watch: Watch) -> int:
             listener.stop()
         recorder.close()
     return INTERRUPTED if runner.stopped_by == signal.SIGINT else 0
-
-
-def _at_home(source: Source, folder: Path) -> Source:
-    return replace(source, path=str(folder / source.path)) if isinstance(source, FileSource) else source
-
-
-def _listener(antenna: str, source: Source, inbox: Inbox[TrainEvent], say: Say, silent_after_s: float) -> Listener:
-    put = inbox.put_of_file if isinstance(source, FileSource) else inbox.put
-    return Listener(antenna, source, put, lambda name, line: say(f"{name}: {line}"), silent_after_s=silent_after_s)
 
 
 class TrainRunner:

@@ -4,10 +4,15 @@ import contextlib
 import time
 from collections import deque
 from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
 from threading import Thread
+from typing import Any
 
 from integrity.errors import LinkError
-from recordings.sources.kinds import SILENT_AFTER_S, Source
+from integrity.gnss.gps_time import NS_PER_S
+from recordings.sources.inbox import Inbox
+from recordings.sources.kinds import SILENT_AFTER_S, FileSource, Source, parse_source
 from recordings.sources.links import Link, Wake
 
 FIRST_WAIT_S = 1.0
@@ -108,3 +113,16 @@ class Listener(Thread):
     def _tell(self, line: str) -> None:
         with contextlib.suppress(Exception):  # a closed stderr is no reason to stop listening
             self._say(self.receiver, line)
+
+
+def listener_of(receiver: str, url: str, folder: Path, inbox: Inbox[Any], interval_ns: int, say: Callable[[str], None]) -> Listener:
+    """Listens to the source that a file in `folder` names, for an inbox; silent for three epochs, or longer, is lost.
+
+    Relative paths count from where the file lies. Raises ConfigError for what is no source.
+    """
+    source = parse_source(url)
+    if isinstance(source, FileSource):
+        source = replace(source, path=str(folder / source.path))
+    put = inbox.put_of_file if isinstance(source, FileSource) else inbox.put
+    silent_after_s = max(SILENT_AFTER_S, 3 * interval_ns / NS_PER_S)
+    return Listener(receiver, source, put, lambda name, line: say(f"{name}: {line}"), silent_after_s=silent_after_s)
