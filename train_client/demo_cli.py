@@ -4,6 +4,7 @@ import json
 import signal
 import sys
 import time
+from pathlib import Path
 from typing import Annotated
 
 import typer
@@ -18,6 +19,9 @@ def demo(
     ] = None,
     seconds: Annotated[
         float | None, typer.Option("--seconds", min=1.0, help="End the story after so many seconds.", show_default=False)
+    ] = None,
+    picture: Annotated[
+        Path | None, typer.Option("--picture", help="Draw what was recorded as an animated picture (SVG).", show_default=False)
     ] = None,
     no_page: Annotated[bool, typer.Option("--no-page", help="No page in a browser. There is none yet.")] = False,
     as_json: Annotated[bool, typer.Option("--json", help="One JSON object on stdout at the end, everything else on stderr.")] = False,
@@ -45,5 +49,11 @@ def demo(
     print(render(summary), file=sys.stderr if as_json else sys.stdout)
     if as_json:
         print(json.dumps(as_json_object(summary), indent=2))
+    if picture and summary.station_recordings and summary.train_recordings:
+        from recordings.reader import read_recording
+        from train_client.demo.picture import animated_svg
+
+        station, train = (read_recording(paths[0]) for paths in (summary.station_recordings, summary.train_recordings))
+        picture.write_text(animated_svg(station, train), "utf-8")
     if summary.failed:
         raise typer.Exit(1)

@@ -20,7 +20,7 @@ from typing import Any
 from tests.e2e.field import REPOSITORY
 
 WORDS = 12  # lines of a demo that came to nothing
-NUMBER = re.compile(r"([a-z ]*?after|rms|at most) (-?[0-9.]+|inf|nan)")
+NUMBER = re.compile(r"([A-Za-z ]*?after|rms|at most) (-?[0-9.]+|inf|nan)")
 
 
 def run(arguments: list[str]) -> dict[str, Any]:
