@@ -17,10 +17,10 @@ def recorded_reports(contents: Contents, start_ns: int | None, end_ns: int | Non
 
 
 def differences(recorded: Sequence[pb.EpochReport], decided: Sequence[EpochReport]) -> list[str]:
-    """One line per epoch that was decided differently, or by one of the two only."""
+    """One line per epoch that was decided differently, or by one of the two only. An end that a cut took away is no difference."""
     lines: list[str] = []
-    now = {r.gps_time_ns: r for r in decided}
     then = {r.gps_time_ns: r for r in recorded}
+    now = {r.gps_time_ns: r for r in decided if r.gps_time_ns <= max(then, default=r.gps_time_ns)}
     for gps_ns in sorted(now.keys() | then.keys()):
         if gps_ns not in now or gps_ns not in then:
             lines.append(f"{format_utc(gps_ns)}: decided {'only in the recording' if gps_ns in then else 'only now'}")
