@@ -4,8 +4,8 @@
                                                                                    ->  recorder (a thread, behind a queue)
 
 One thread decides. It takes pieces in the order of arrival, puts a tick between them where a second has passed or a deadline of the
-monitor has, and publishes health before it does anything else. Shortly before an epoch is due it lets the monitor look ahead. A bug
-ends the station: what is published then runs out by itself.
+monitor has, and publishes health before it does anything else. Chores come when there is time; shortly before an epoch is due it lets the
+monitor look ahead. A bug ends the station: what is published then runs out by itself.
 """
 
 import gc
@@ -39,7 +39,8 @@ from station.recording import manner_of
 from station.second_look import SecondLook
 
 TICK_NS = NS_PER_S
-LOOK_AHEAD_NS = NS_PER_S // 50  # before an epoch is due: then there is time, and the processor is still warm when it comes
+LOOK_AHEAD_NS = NS_PER_S // 50  # before an epoch is due
+CHORES_AFTER = 0.3  # of an interval: what has time is done well before the next epoch
 NEVER_NS = 2**63 - 1
 INTERRUPTED = 130
 SWITCH_INTERVAL_S = 0.005  # the longest that another thread keeps the deciding one from the interpreter
@@ -110,6 +111,7 @@ class Station:
         self.stopped_by = 0  # signal; 0: none
         self._now_ns = mono_now_ns()  # of the event decided last: never steps back
         self._next_tick_ns = self._now_ns
+        self._chores_ns = NEVER_NS
         self._look_ahead_ns = NEVER_NS
         self._gps_ahead_ns: int | None = None  # GPS time minus the monotonic clock, by the last aligned epoch
         self._first: Snapshot | None = monitor.snapshot()  # until the recording begins: with the first decision, when the time is known
@@ -134,9 +136,13 @@ class Station:
     def _run(self, sources_alive: Callable[[], bool]) -> None:
         while not self.stopped_by:
             due_ns = self._due_ns()
-            piece = self._inbox.take(min(due_ns, self._look_ahead_ns))
-            if piece is None and self._look_ahead_ns <= mono_now_ns() < due_ns:
-                self._look_ahead()
+            piece = self._inbox.take(min(due_ns, self._chores_ns, self._look_ahead_ns))
+            now_ns = mono_now_ns()
+            if piece is None and self._chores_ns <= now_ns < due_ns:
+                self._do_chores()
+            elif piece is None and self._look_ahead_ns <= now_ns < due_ns:
+                self._look_ahead_ns = NEVER_NS
+                self._monitor.look_ahead()
             elif piece is None or piece.mono_ns > due_ns:
                 self._tick(max(due_ns, self._now_ns))
             if piece is not None:
@@ -146,12 +152,11 @@ class Station:
                 self._say("every source has ended")
                 return
 
-    def _look_ahead(self) -> None:
-        """While there is time: what the next epoch needs, and a second look at what was decided."""
-        self._look_ahead_ns = NEVER_NS
-        self._monitor.look_ahead()
+    def _do_chores(self) -> None:
+        """While there is time: a second look at what was decided, and garbage."""
+        self._chores_ns = NEVER_NS
         self._second_look.take()
-        gc.collect(1)
+        gc.collect()
 
     def _due_ns(self) -> int:
         """When the next tick is due: each second, and as soon as the monitor would notice a silence."""
@@ -171,9 +176,8 @@ class Station:
             self._decide(InputLost(mono_ns, receiver, chunks))
         self._decide(tick(self._site.host_clock, mono_ns))
         self._hand_over()
-        if self._look_ahead_ns == NEVER_NS:  # nothing is due
-            self._second_look.take()
-            gc.collect()
+        if self._chores_ns <= mono_ns - TICK_NS:  # there has been no time for a second
+            self._do_chores()
 
     def _decide(self, event: Event) -> None:
         """Decide, publish, record; the recorder is not woken before health is on the air."""
@@ -189,6 +193,7 @@ class Station:
         for message in health.values():
             self._publisher.health(message)
         self._gps_ahead_ns = next((o.gps_time_ns - o.mono_ns for o in outputs if isinstance(o, EpochReport)), self._gps_ahead_ns)
+        self._chores_ns = event.mono_ns + round(CHORES_AFTER * self._site.epoch_interval_ns)
         self._look_ahead_ns = event.mono_ns + self._site.epoch_interval_ns - LOOK_AHEAD_NS
         if self._first is not None:
             self._begin(self._first, self._held[0].mono_ns)

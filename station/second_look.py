@@ -1,7 +1,7 @@
 """Every decision is made twice: a second monitor gets the same events a little later, and must say the same.
 
-What it is for: memory that flips a bit and code that depends on more than its input are found within an epoch, and the station ends. What
-it does besides: it runs shortly before the next epoch is due, and a processor that has just done the same work does it in half the time.
+What it is for: memory that flips a bit and code that depends on more than its input are found within an epoch, and the station ends. It
+runs between epochs, when there is time.
 """
 
 from collections.abc import Callable, Sequence
