@@ -3,30 +3,40 @@
 Three simulated receivers at 10 Hz send UBX bytes over loopback TCP; the station decides, records, signs and publishes; another process
 verifies every message. Latency runs from the moment at which the last byte of an epoch's last receiver has been handed to the socket,
 to the moment at which the listener has verified the signed health of that epoch (one monotonic clock serves all processes of a machine).
+
+`--floor` puts a station in its place that decides nothing: it reads the same bytes, and signs and puts a message of the same size. What
+that takes is the machine's share and that of Python, Zenoh and Ed25519.
 """
 
 import argparse
+import contextlib
+import itertools
 import json
 import os
+import socket
 import subprocess
 import sys
 import tempfile
 import threading
 import time
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import psutil
 
-from integrity.messages.key_expressions import HEALTH, site_key
+from integrity.messages import wayside_pb2 as pb
+from integrity.messages.key_expressions import CHALLENGE, HEALTH, site_key
+from integrity.messages.signatures import sign_health
 from integrity.messages.verification import HealthVerifier
-from recordings.keys import keys_of, read_trusted
-from recordings.link import Arrival, dial_link
+from recordings.keys import keys_of, load_key, read_trusted
+from recordings.link import Arrival, dial_link, open_link
 from recordings.simulate.server import ReceiverServer
-from tests.e2e.field import REPOSITORY, SITE_ID, make_field, measured, running_station, until
+from tests.e2e.field import REPOSITORY, SITE_ID, START_NS, Field, make_field, measured, running_station, until
 
 INTERVAL_S = 0.1
+USUAL_BYTES = 360  # of a message besides what every one has
 SETTLED_AFTER_S = 30.0  # from when on the memory counts as settled
 MB = 1e6
 
@@ -48,7 +58,42 @@ def listen(endpoint: str, trusted: Path, out: Path) -> None:
         sys.stdin.read()
 
 
-def measure(seconds: float) -> dict[str, Any]:
+def bare_station(endpoint: str, key: Path, addresses: list[str]) -> None:
+    """The process that decides nothing: after the bytes of all receivers, a signed NORMAL of a usual size for the next epoch."""
+    boot_id = bytes(16)
+    place = site_key(SITE_ID, HEALTH)
+    signing = load_key(key)
+    with open_link([endpoint], []) as link, contextlib.ExitStack() as open_sockets:
+        put = link.urgent(place, "wayside.v1.SignedHealth")
+        link.answer(site_key(SITE_ID, CHALLENGE), "wayside.v1.SignedChallengeReply", lambda nonce: b"")
+        sockets = [open_sockets.enter_context(socket.create_connection((h, int(p)))) for h, _, p in (a.partition(":") for a in addresses)]
+        for epoch in itertools.count(1):
+            if not all(connection.recv(1 << 16) for connection in sockets):
+                return
+            health = pb.Health(site=SITE_ID, boot_id=boot_id, sequence=epoch, state=pb.NORMAL, issued_mono_ns=time.monotonic_ns())
+            health.gps_time_ns = START_NS + (epoch - 1) * round(INTERVAL_S * 1e9)
+            health.reasons.append(" " * USUAL_BYTES)
+            put(sign_health(signing, place, health).SerializeToString())
+
+
+@contextlib.contextmanager
+def running_bare_station(field: Field, server: ReceiverServer) -> Iterator[subprocess.Popen[str]]:
+    """`bare_station` as a process of its own."""
+    key = field.folder / "keys" / f"{SITE_ID}.pem"
+    addresses = [f"{host}:{port}" for host, port in server.addresses.values()]
+    process = subprocess.Popen(
+        [sys.executable, "-m", "tests.benchmarks.live", "--bare", field.endpoint, str(key), *addresses], cwd=REPOSITORY, text=True
+    )
+    (field.folder / "station.log").touch()
+    field.records.mkdir()
+    try:
+        yield process
+    finally:
+        process.kill()
+        process.wait()
+
+
+def measure(seconds: float, floor: bool) -> dict[str, Any]:
     """Run it all once."""
     with tempfile.TemporaryDirectory() as folder, ReceiverServer("ABC", "127.0.0.1", 0) as server:
         field = make_field(Path(folder), {r: f"tcp://{host}:{port}" for r, (host, port) in server.addresses.items()}, INTERVAL_S)
@@ -60,7 +105,7 @@ def measure(seconds: float) -> dict[str, Any]:
             cwd=REPOSITORY,
         )
         sent_ns: dict[int, int] = {}
-        with running_station(field) as station:
+        with running_bare_station(field, server) if floor else running_station(field) as station:
             threading.Thread(target=_complain_if_it_ends, args=(station, Path(folder) / "station.log"), daemon=True).start()
             server.wait_for_clients()
             process = psutil.Process(station.pid)
@@ -81,7 +126,7 @@ def measure(seconds: float) -> dict[str, Any]:
 
 def _complain_if_it_ends(station: subprocess.Popen[str], log: Path) -> None:
     """A station that does not start leaves the receivers waiting for ever."""
-    if station.wait() not in (0, -9):
+    if station.wait() not in (0, -9, -15):
         print(f"the station ended: {log.read_text()}", file=sys.stderr)
         os._exit(1)
 
@@ -153,13 +198,19 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--seconds", type=float, default=600.0)
     parser.add_argument("--json", action="store_true")
+    parser.add_argument("--floor", action="store_true", help="a station that decides nothing")
+    parser.add_argument("--bare", nargs=5, help=argparse.SUPPRESS)
     parser.add_argument("--listen", nargs=3, metavar=("ENDPOINT", "TRUSTED", "OUT"), help=argparse.SUPPRESS)
     arguments = parser.parse_args()
     if arguments.listen:
         endpoint, trusted, out = arguments.listen
         listen(endpoint, Path(trusted), Path(out))
         return
-    found = measure(arguments.seconds)
+    if arguments.bare:
+        endpoint, key, *addresses = arguments.bare
+        bare_station(endpoint, Path(key), addresses)
+        return
+    found = measure(arguments.seconds, arguments.floor)
     if arguments.json:
         print(json.dumps(found, indent=2))
         return
