@@ -11,10 +11,14 @@ from typing import Any
 
 import pytest
 
+from integrity.messages import wayside_pb2 as pb
+from integrity.messages.key_expressions import train_key
+from recordings.link import dial_link
 from recordings.simulate.server import ReceiverServer
 from tests.benchmarks.train_stops import ALLOWED_MS, VALID_FOR_MS, measure
 from tests.e2e.field import REPOSITORY, make_field, playing, running_station
 from tests.e2e.train_field import ANTENNAS, both_measured, make_train, running_train, urls
+from train_client.track.track_map import content_sha256
 
 
 def wayside(*arguments: str | Path) -> subprocess.CompletedProcess[str]:
@@ -23,13 +27,14 @@ def wayside(*arguments: str | Path) -> subprocess.CompletedProcess[str]:
 
 @dataclass(frozen=True)
 class Ridden:
-    """A ride of ten seconds: how the train ended, what it told, its recording, its files."""
+    """A ride of ten seconds: how the train ended, what it told, its recording, its files, and what somebody else heard over Zenoh."""
 
     exit_code: int
     positions: list[dict[str, Any]]
     recording: Path
     train_file: Path
     talk: str
+    heard: list[pb.TrainPosition]
 
 
 @pytest.fixture(scope="module")
@@ -41,12 +46,15 @@ def ridden(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Ridden]:
         train_file = make_train(place, sources)
         with playing(server, both_measured(place.site_file, 40.0)), running_station(place), running_train(train_file) as train:
             train.until(lambda p: p["status"] == "POSITION_VALID", 30.0)
-            train.until(lambda p: int(p["sequence"]) > 150, 30.0)
+            heard: list[pb.TrainPosition] = []
+            with dial_link([place.endpoint], lambda: None) as link:
+                link.subscribe(train_key("r291"), lambda arrival: heard.append(pb.TrainPosition.FromString(arrival.data)))
+                train.until(lambda p: int(p["sequence"]) > 150, 30.0)
             train.process.send_signal(signal.SIGTERM)
             exit_code = train.process.wait(10.0)
             positions = list(train.positions)
     (recording,) = (folder / "train-recordings").glob("*.mcap")
-    yield Ridden(exit_code, positions, recording, train_file, (folder / "train.log").read_text())
+    yield Ridden(exit_code, positions, recording, train_file, (folder / "train.log").read_text(), heard)
 
 
 def test_it_ends_calmly(ridden: Ridden) -> None:
@@ -55,6 +63,12 @@ def test_it_ends_calmly(ridden: Ridden) -> None:
 
 def test_it_is_trusted_and_valid(ridden: Ridden) -> None:
     assert {"POSITION_PROVISIONAL", "POSITION_VALID"} <= {p["status"] for p in ridden.positions}
+
+
+def test_others_hear_over_zenoh_what_it_tells(ridden: Ridden) -> None:
+    told = {int(p["sequence"]): p["front"]["offset_m"] for p in ridden.positions if "front" in p}
+    heard = {message.sequence: message.front.offset_m for message in ridden.heard if message.HasField("front")}
+    assert len(heard) > 20 and heard.items() <= told.items()
 
 
 def test_its_recording_is_decided_again_without_a_difference(ridden: Ridden) -> None:
@@ -114,8 +128,6 @@ def test_a_map_with_a_gap_is_refused(ridden: Ridden) -> None:
     track["edges"][0]["points"] = [p for p in track["edges"][0]["points"] if not 400.0 < p[0] < 520.0]
     del track["sha256"]
     gappy = ridden.train_file.with_name("gappy.json")
-    from train_client.track.track_map import content_sha256
-
     track["sha256"] = content_sha256(track)
     gappy.write_text(json.dumps(track))
     done = wayside("train", "run", ridden.train_file, "--track", gappy)
