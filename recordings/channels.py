@@ -27,6 +27,7 @@ STATION_TOPICS: dict[str, type[Message]] = {
 }
 TRAIN_TOPICS: dict[str, type[Message]] = {
     "/train_started": pb.TrainStarted,
+    "/train_snapshot": pb.TrainSnapshot,
     "/tick": pb.Tick,
     "/input_lost": pb.InputLost,
     "/health_received": pb.HealthReceived,

@@ -1,8 +1,8 @@
 """Records a running program that decides: a thread of its own behind a bounded queue. Who decides never waits for the disk.
 
 Theory of operation. The deciding thread hands over what it decides on (`event`) and what came out (`output`). The recording thread turns
-it into files, which begin with what the `Manner` puts at their head and, where there is one, a snapshot of the whole memory, so that a
-file can be decided alone. A snapshot can only be taken between two decisions; so the deciding thread asks `wants_file` before each (each
+it into files, which begin with what the `Manner` puts at their head and a snapshot of the whole memory, so that a file can be decided
+alone. A snapshot can only be taken between two decisions; so the deciding thread asks `wants_file` before each (each
 hour of UTC, and after trouble), and answers with `begin`: a new file, a new generation. Each variable is written by one of the two
 threads only, so that none of them ever waits for a lock.
 
@@ -66,7 +66,7 @@ class _Begin(NamedTuple):
     """A new file; `dropped` entries were not taken between the last one and this."""
 
     generation: int
-    snapshot: Message | None
+    snapshot: Message
     mono_ns: int
     gps_ns: int
     dropped: int
@@ -110,24 +110,23 @@ class Recorder(Generic[T]):
         self._thread.start()
 
     def wants_file(self, mono_ns: int) -> bool:
-        """Whether a new file should begin before an event of that monotonic time is handed over: after trouble, and with each hour."""
-        in_trouble = self._overflowed or self._files.failed_generation == self._generation
-        return self.can_begin_again() if in_trouble else (mono_ns + self._offset_ns) // HOUR_NS != self._hour
-
-    def can_begin_again(self) -> bool:
-        """Whether nothing is recorded now, for trouble that may be over."""
+        """Whether a new file should begin before an event of that monotonic time is handed over: with each hour, and after trouble."""
         if self._files.failed_generation == self._generation:
             return time.monotonic() >= self._files.retry_s
-        return self._overflowed and self._queue.qsize() <= MOST_ENTRIES // 2 and self._put_bytes - self._taken_bytes <= MOST_BYTES // 2
+        if self._overflowed:
+            return self._queue.qsize() <= MOST_ENTRIES // 2 and self._put_bytes - self._taken_bytes <= MOST_BYTES // 2
+        return (mono_ns + self._offset_ns) // HOUR_NS != self._hour
 
-    def begin(self, snapshot: Message | None, mono_ns: int, gps_ns: int) -> None:
+    def begin(self, snapshot: Message, mono_ns: int, gps_ns: int) -> None:
         """A new file. `mono_ns` is of the next event, `gps_ns` the GPS time at that moment: log times are counted from there."""
         self._generation += 1
-        self._offset_ns = utc_from_gps(gps_ns) - mono_ns
-        self._hour = utc_from_gps(gps_ns) // HOUR_NS
+        utc_ns, by_last_file_ns = utc_from_gps(gps_ns), mono_ns + self._offset_ns
+        self._offset_ns = utc_ns - mono_ns
+        jitter = 0 < by_last_file_ns - utc_ns < NS_PER_S  # then the hour that has just begun would begin once more
+        self._hour = (by_last_file_ns if jitter else utc_ns) // HOUR_NS
         self._overflowed = False
         dropped, self._dropped_before = self._dropped - self._dropped_before, self._dropped
-        self._put(_Begin(self._generation, snapshot, mono_ns, gps_ns, dropped), 0 if snapshot is None else snapshot.ByteSize())
+        self._put(_Begin(self._generation, snapshot, mono_ns, gps_ns, dropped), snapshot.ByteSize())
 
     def event(self, event: T) -> None:
         """Record what is about to be decided on."""
@@ -257,8 +256,7 @@ class _Files(Generic[T]):
         path = _unused(self._directory, manner.name, utc_from_gps(begin.gps_ns))
         self._writer = RecordingWriter(path, SOFTWARE, begin.gps_ns, begin.mono_ns, {}, manner.receivers, manner.topics)
         self._writer.write(manner.head(begin.gps_ns, begin.mono_ns), begin.mono_ns)
-        if begin.snapshot is not None:
-            self._writer.write(begin.snapshot, begin.mono_ns)
+        self._writer.write(begin.snapshot, begin.mono_ns)
         self._writer.flush()
         self._head_bytes = self._writer.synced_bytes
         self.path = path

@@ -273,7 +273,7 @@ def complaints(contents: Contents) -> list[str]:
     """What is not as it should be in a recording; empty for a whole one."""
     found = [contents.damage] if contents.damage else []
     topics = [entry.topic for entry in contents.entries[:2]]
-    if topics[0] != "/train_started" and topics != ["/started", "/snapshot"]:
+    if topics not in (["/started", "/snapshot"], ["/train_started", "/train_snapshot"]):
         found.append(f"begins with {' and '.join(topics)}, expected /started and /snapshot")
     times = [entry.log_ns for entry in contents.entries]
     if any(b < a for a, b in pairwise(times)):

@@ -1,4 +1,4 @@
-"""What a train records, and how: a file that begins with train file, map and trusted keys decides alone."""
+"""What a train records, and how: a file begins with train file, map, trusted keys and all that is remembered, and decides alone."""
 
 from collections.abc import Iterable, Mapping
 

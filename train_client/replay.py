@@ -17,8 +17,10 @@ from recordings.channels import is_input, receiver_of
 from recordings.reader import Contents
 from train_client.events import TrainEvent
 from train_client.localisation.localiser import TrainLocaliser
+from train_client.localisation.memory import LocaliserMemory
 from train_client.messages import decode_event, encode_position
 from train_client.outputs import PositionReport, TrustChange
+from train_client.snapshots import decode_snapshot
 from train_client.track.checks import load_map
 from train_client.track.track_map import TrackMap
 from train_client.train_file import TrainFile, parse_train
@@ -47,7 +49,10 @@ def started(contents: Contents) -> pb.TrainStarted:
 
 
 def replay(contents: Contents, train: TrainFile | None, track: TrackMap | None) -> Replayed:
-    """Decide again, with another train file or map where they are given; the keys trusted are those recorded."""
+    """Decide again, with another train file or map where they are given; the keys trusted are those recorded.
+
+    With other ones it starts from nothing: what was remembered was of another train, or of another line.
+    """
     head = started(contents)
     chosen = train or parse_train(head.train_toml, f"{contents.path}: recorded train file")
     on = track or load_map(head.map_json, f"{contents.path}: recorded map")
@@ -55,7 +60,8 @@ def replay(contents: Contents, train: TrainFile | None, track: TrackMap | None) 
     if not keys:
         sites = ", ".join(sorted({key.site for key in head.trusted_keys})) or "none"
         raise ConfigError(f"{contents.path}: no key of station {chosen.config.station} was trusted then, only of {sites}")
-    localiser = TrainLocaliser(chosen.config, on, keys)
+    same = chosen.config.config_sha256 == head.config_sha256 and on.sha256 == load_map(head.map_json, "recorded map").sha256
+    localiser = TrainLocaliser(chosen.config, on, keys, _memory(contents, on) if same else None)
     positions, changes = [], []
     for output in localiser.feed(_events(contents)):
         if isinstance(output, PositionReport):
@@ -64,6 +70,17 @@ def replay(contents: Contents, train: TrainFile | None, track: TrackMap | None) 
             changes.append(output)
     recorded = tuple(entry.message for entry in contents.entries if isinstance(entry.message, pb.TrainPosition))
     return Replayed(chosen, on, tuple(positions), tuple(changes), recorded)
+
+
+def _memory(contents: Contents, track: TrackMap) -> LocaliserMemory | None:
+    """What the train remembered when the recording began."""
+    snapshot = contents.entries[1].message if len(contents.entries) > 1 else None
+    if not isinstance(snapshot, pb.TrainSnapshot):
+        return None
+    try:
+        return decode_snapshot(snapshot, track)
+    except DecodeError as error:
+        raise RecordingError(f"{contents.path}: {error}; expected what a train of Wayside wrote") from None
 
 
 def _events(contents: Contents) -> Iterator[TrainEvent]:

@@ -28,10 +28,12 @@ from recordings.sources.listener import listener_of
 from train_client.air import Air
 from train_client.events import ChallengeSent, TrainEvent
 from train_client.localisation.localiser import TrainLocaliser
+from train_client.localisation.memory import LocaliserMemory
 from train_client.map_file import read_map_text
 from train_client.messages import encode_position
 from train_client.outputs import MessageRefused, PositionReport, TrainOutput, TrustChange
 from train_client.recording import manner_of
+from train_client.snapshots import encode_snapshot
 from train_client.track.checks import load_map
 from train_client.train_file import TrainFile
 
@@ -96,6 +98,7 @@ class TrainRunner:
         self._next_tick_ns = self._now_ns
         self._gps_ahead_ns: int | None = None  # GPS time minus the monotonic clock, by the last epoch
         self._held: list[TrainEvent | Message] | None = []  # events and what came of them, until the recording begins
+        self._first = localiser.snapshot()  # until then
 
     def stop(self, signal_number: int) -> None:
         """End `run` soon; safe in a signal handler."""
@@ -158,8 +161,8 @@ class TrainRunner:
 
     def _decide(self, event: TrainEvent) -> None:
         if self._held is None:
-            if self._recorder.can_begin_again():
-                self._begin_file(event.mono_ns)
+            if self._recorder.wants_file(event.mono_ns):
+                self._begin_file(self._localiser.snapshot(), event.mono_ns)
             self._recorder.event(event)
         else:
             self._held.append(event)
@@ -196,10 +199,10 @@ class TrainRunner:
                 self._recorder.output(item)
             else:
                 if item is held[0]:
-                    self._begin_file(item.mono_ns)
+                    self._begin_file(self._first, item.mono_ns)
                 self._recorder.event(item)
 
-    def _begin_file(self, mono_ns: int) -> None:
+    def _begin_file(self, memory: LocaliserMemory, mono_ns: int) -> None:
         ahead_ns = self._gps_ahead_ns
         gps_ns = gps_from_utc(tick("none", mono_ns).utc_ns) if ahead_ns is None else mono_ns + ahead_ns
-        self._recorder.begin(None, mono_ns, gps_ns)
+        self._recorder.begin(encode_snapshot(memory, self._localiser.train, self._localiser.track, mono_ns), mono_ns, gps_ns)

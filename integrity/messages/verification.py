@@ -70,7 +70,7 @@ class Answer(NamedTuple):
     round_trip_ns: int | None = None
 
 
-class _Tie(NamedTuple):
+class Tie(NamedTuple):
     """The station's clock said `issued_mono_ns` between `sent` and `received` of the reader's clock."""
 
     boot_id: bytes
@@ -84,7 +84,7 @@ class _Tie(NamedTuple):
         return since_ns + before_ns + -(-max(abs(since_ns), abs(before_ns)) // DRIFT_DIVISOR)
 
 
-class _Last(NamedTuple):
+class LastHealth(NamedTuple):
     """The last verified message of a boot; `told` is the sequence that a challenge named."""
 
     boot_id: bytes
@@ -94,19 +94,32 @@ class _Last(NamedTuple):
     told: int = 0
 
 
+class VerifierMemory(NamedTuple):
+    """What a verifier remembers: another one that starts from it judges as this one would have."""
+
+    tie: Tie | None = None
+    last: LastHealth | None = None
+    superseded: tuple[bytes, ...] = ()
+
+
 class HealthVerifier:
     """Judges the health of one site. `keys` are raw public keys (32 bytes) that are trusted for it; none: everything is refused.
 
     Raises ValueError for a key that is not 32 bytes.
     """
 
-    def __init__(self, site: str, keys: Iterable[bytes], max_valid_ms: int) -> None:
+    def __init__(self, site: str, keys: Iterable[bytes], max_valid_ms: int, memory: VerifierMemory | None = None) -> None:
+        start = memory or VerifierMemory()
         self.site = site
         self.max_valid_ms = max_valid_ms
         self._keys = {key_id(raw): Ed25519PublicKey.from_public_bytes(raw) for raw in keys}
-        self._tie: _Tie | None = None
-        self._last: _Last | None = None
-        self._superseded: set[bytes] = set()
+        self._tie = start.tie
+        self._last = start.last
+        self._superseded = set(start.superseded)
+
+    def memory(self) -> VerifierMemory:
+        """For a snapshot."""
+        return VerifierMemory(self._tie, self._last, tuple(sorted(self._superseded)))
 
     @property
     def boot_id(self) -> bytes | None:
@@ -165,7 +178,7 @@ class HealthVerifier:
             reply = pb.ChallengeReply.FromString(signed.reply)
         except DecodeError:
             return Answer(f"unreadable: {len(data)} bytes are no signed answer")
-        tie = _Tie(reply.boot_id, sent_mono_ns, received_mono_ns, reply.issued_mono_ns)
+        tie = Tie(reply.boot_id, sent_mono_ns, received_mono_ns, reply.issued_mono_ns)
         refusal = self._answer_refusal(nonce, reply, tie)
         if refusal:
             return Answer(refusal)
@@ -189,8 +202,8 @@ class HealthVerifier:
         except DecodeError:
             return f"unreadable: {len(data)} bytes are no signed health"
 
-    def _last_of(self, boot_id: bytes) -> _Last:
-        return self._last if self._last and self._last.boot_id == boot_id else _Last(boot_id)
+    def _last_of(self, boot_id: bytes) -> LastHealth:
+        return self._last if self._last and self._last.boot_id == boot_id else LastHealth(boot_id)
 
     def _signature_refusal(self, name: bytes, signature: bytes, context: bytes, key_expr: str, data: bytes) -> str:
         public = self._keys.get(name)
@@ -223,7 +236,7 @@ class HealthVerifier:
             return f"repeated: sequence {health.sequence} once more"
         return f"CONTRADICTION: sequence {health.sequence} signed twice with other bytes: two stations share a key, or it is stolen"
 
-    def _answer_refusal(self, nonce: bytes, reply: pb.ChallengeReply, tie: _Tie) -> str:
+    def _answer_refusal(self, nonce: bytes, reply: pb.ChallengeReply, tie: Tie) -> str:
         if len(nonce) != NONCE_BYTES or reply.nonce != nonce:
             return f"wrong nonce: {reply.nonce.hex() or 'none'} answered, {nonce.hex()} asked"
         if len(tie.boot_id) != BOOT_ID_BYTES:

@@ -138,6 +138,18 @@ class Check(_message.Message):
     threshold: float
     def __init__(self, name: _Optional[str] = ..., statistic: _Optional[float] = ..., threshold: _Optional[float] = ..., outcome: _Optional[_Union[Outcome, str]] = ...) -> None: ...
 
+class ClockTie(_message.Message):
+    __slots__ = ["boot_id", "issued_mono_ns", "received_mono_ns", "sent_mono_ns"]
+    BOOT_ID_FIELD_NUMBER: _ClassVar[int]
+    ISSUED_MONO_NS_FIELD_NUMBER: _ClassVar[int]
+    RECEIVED_MONO_NS_FIELD_NUMBER: _ClassVar[int]
+    SENT_MONO_NS_FIELD_NUMBER: _ClassVar[int]
+    boot_id: bytes
+    issued_mono_ns: int
+    received_mono_ns: int
+    sent_mono_ns: int
+    def __init__(self, boot_id: _Optional[bytes] = ..., sent_mono_ns: _Optional[int] = ..., received_mono_ns: _Optional[int] = ..., issued_mono_ns: _Optional[int] = ...) -> None: ...
+
 class Ephemeris(_message.Message):
     __slots__ = ["accuracy_m", "af0", "af1", "af2", "cic", "cis", "crc", "crs", "cuc", "cus", "delta_n", "e", "fit_half_s", "group_delay_s", "healthy", "i0", "i_dot", "issue", "m0", "mono_ns", "omega", "omega0", "omega_dot", "satellite", "sqrt_a", "toc_ns", "toe_ns", "transmission_ns"]
     ACCURACY_M_FIELD_NUMBER: _ClassVar[int]
@@ -334,6 +346,20 @@ class LastClean(_message.Message):
     gps_ns: int
     def __init__(self, gps_ns: _Optional[int] = ..., e_enu_m: _Optional[_Iterable[float]] = ...) -> None: ...
 
+class LastHealth(_message.Message):
+    __slots__ = ["boot_id", "data", "gps_time_ns", "sequence", "told"]
+    BOOT_ID_FIELD_NUMBER: _ClassVar[int]
+    DATA_FIELD_NUMBER: _ClassVar[int]
+    GPS_TIME_NS_FIELD_NUMBER: _ClassVar[int]
+    SEQUENCE_FIELD_NUMBER: _ClassVar[int]
+    TOLD_FIELD_NUMBER: _ClassVar[int]
+    boot_id: bytes
+    data: bytes
+    gps_time_ns: int
+    sequence: int
+    told: int
+    def __init__(self, boot_id: _Optional[bytes] = ..., sequence: _Optional[int] = ..., data: _Optional[bytes] = ..., gps_time_ns: _Optional[int] = ..., told: _Optional[int] = ...) -> None: ...
+
 class NavigationPage(_message.Message):
     __slots__ = ["data", "number", "satellite"]
     DATA_FIELD_NUMBER: _ClassVar[int]
@@ -377,6 +403,18 @@ class PendingEpoch(_message.Message):
     epoch_ns: int
     rows: _containers.RepeatedCompositeFieldContainer[Observations]
     def __init__(self, epoch_ns: _Optional[int] = ..., rows: _Optional[_Iterable[_Union[Observations, _Mapping]]] = ...) -> None: ...
+
+class Reached(_message.Message):
+    __slots__ = ["facing", "gps_time_ns", "place", "sigma_m"]
+    FACING_FIELD_NUMBER: _ClassVar[int]
+    GPS_TIME_NS_FIELD_NUMBER: _ClassVar[int]
+    PLACE_FIELD_NUMBER: _ClassVar[int]
+    SIGMA_M_FIELD_NUMBER: _ClassVar[int]
+    facing: int
+    gps_time_ns: int
+    place: TrackPlace
+    sigma_m: float
+    def __init__(self, place: _Optional[_Union[TrackPlace, _Mapping]] = ..., sigma_m: _Optional[float] = ..., facing: _Optional[int] = ..., gps_time_ns: _Optional[int] = ...) -> None: ...
 
 class ReceiverStatus(_message.Message):
     __slots__ = ["agc", "antenna", "fix_ok", "height_m", "jamming", "lat_rad", "lon_rad", "model", "spoofing"]
@@ -438,6 +476,14 @@ class Residual(_message.Message):
     signal: str
     used: bool
     def __init__(self, signal: _Optional[str] = ..., used: bool = ..., sigmas: _Optional[float] = ..., b_m: _Optional[_Iterable[float]] = ...) -> None: ...
+
+class SentNonce(_message.Message):
+    __slots__ = ["mono_ns", "nonce"]
+    MONO_NS_FIELD_NUMBER: _ClassVar[int]
+    NONCE_FIELD_NUMBER: _ClassVar[int]
+    mono_ns: int
+    nonce: bytes
+    def __init__(self, nonce: _Optional[bytes] = ..., mono_ns: _Optional[int] = ...) -> None: ...
 
 class SignedChallengeReply(_message.Message):
     __slots__ = ["key_id", "reply", "signature"]
@@ -608,6 +654,14 @@ class Tick(_message.Message):
     utc_uncertainty_ns: int
     def __init__(self, mono_ns: _Optional[int] = ..., utc_ns: _Optional[int] = ..., utc_uncertainty_ns: _Optional[int] = ...) -> None: ...
 
+class ToldEphemeris(_message.Message):
+    __slots__ = ["antenna", "ephemeris"]
+    ANTENNA_FIELD_NUMBER: _ClassVar[int]
+    EPHEMERIS_FIELD_NUMBER: _ClassVar[int]
+    antenna: str
+    ephemeris: Ephemeris
+    def __init__(self, antenna: _Optional[str] = ..., ephemeris: _Optional[_Union[Ephemeris, _Mapping]] = ...) -> None: ...
+
 class TrackPlace(_message.Message):
     __slots__ = ["edge", "offset_m"]
     EDGE_FIELD_NUMBER: _ClassVar[int]
@@ -672,6 +726,58 @@ class TrainPosition(_message.Message):
     valid_for_ms: int
     def __init__(self, train: _Optional[str] = ..., sequence: _Optional[int] = ..., mono_ns: _Optional[int] = ..., gps_time_ns: _Optional[int] = ..., status: _Optional[_Union[PositionStatus, str]] = ..., reasons: _Optional[_Iterable[str]] = ..., front: _Optional[_Union[TrackPlace, _Mapping]] = ..., rear: _Optional[_Union[TrackPlace, _Mapping]] = ..., sigma_m: _Optional[float] = ..., facing: _Optional[int] = ..., trust: _Optional[_Union[TrustState, str]] = ..., site: _Optional[str] = ..., health_sequence: _Optional[int] = ..., valid_for_ms: _Optional[int] = ..., antennas: _Optional[_Iterable[_Union[AntennaFix, _Mapping]]] = ..., distance_m: _Optional[float] = ..., distance_expected_m: _Optional[float] = ..., unused: _Optional[_Iterable[_Union[UnusedSatellite, _Mapping]]] = ..., last_confirmed: _Optional[_Union[TrackPlace, _Mapping]] = ..., last_confirmed_gps_ns: _Optional[int] = ..., refused_messages: _Optional[int] = ..., map_id: _Optional[str] = ..., map_version: _Optional[str] = ..., map_sha256: _Optional[str] = ..., config_sha256: _Optional[str] = ..., software: _Optional[str] = ...) -> None: ...
 
+class TrainSnapshot(_message.Message):
+    __slots__ = ["behind_m", "challenge_at_ns", "facing", "first_antenna", "last_confirmed", "last_confirmed_gps_ns", "last_health", "last_mono_ns", "mono_ns", "nonces", "normals", "reached", "receivers", "refused_messages", "segment", "sequence", "superseded", "tie", "told", "trust", "trust_sequence", "unsolved", "valid_until_ns", "vouched"]
+    BEHIND_M_FIELD_NUMBER: _ClassVar[int]
+    CHALLENGE_AT_NS_FIELD_NUMBER: _ClassVar[int]
+    FACING_FIELD_NUMBER: _ClassVar[int]
+    FIRST_ANTENNA_FIELD_NUMBER: _ClassVar[int]
+    LAST_CONFIRMED_FIELD_NUMBER: _ClassVar[int]
+    LAST_CONFIRMED_GPS_NS_FIELD_NUMBER: _ClassVar[int]
+    LAST_HEALTH_FIELD_NUMBER: _ClassVar[int]
+    LAST_MONO_NS_FIELD_NUMBER: _ClassVar[int]
+    MONO_NS_FIELD_NUMBER: _ClassVar[int]
+    NONCES_FIELD_NUMBER: _ClassVar[int]
+    NORMALS_FIELD_NUMBER: _ClassVar[int]
+    REACHED_FIELD_NUMBER: _ClassVar[int]
+    RECEIVERS_FIELD_NUMBER: _ClassVar[int]
+    REFUSED_MESSAGES_FIELD_NUMBER: _ClassVar[int]
+    SEGMENT_FIELD_NUMBER: _ClassVar[int]
+    SEQUENCE_FIELD_NUMBER: _ClassVar[int]
+    SUPERSEDED_FIELD_NUMBER: _ClassVar[int]
+    TIE_FIELD_NUMBER: _ClassVar[int]
+    TOLD_FIELD_NUMBER: _ClassVar[int]
+    TRUST_FIELD_NUMBER: _ClassVar[int]
+    TRUST_SEQUENCE_FIELD_NUMBER: _ClassVar[int]
+    UNSOLVED_FIELD_NUMBER: _ClassVar[int]
+    VALID_UNTIL_NS_FIELD_NUMBER: _ClassVar[int]
+    VOUCHED_FIELD_NUMBER: _ClassVar[int]
+    behind_m: float
+    challenge_at_ns: int
+    facing: int
+    first_antenna: TrackPlace
+    last_confirmed: TrackPlace
+    last_confirmed_gps_ns: int
+    last_health: LastHealth
+    last_mono_ns: int
+    mono_ns: int
+    nonces: _containers.RepeatedCompositeFieldContainer[SentNonce]
+    normals: int
+    reached: Reached
+    receivers: Snapshot
+    refused_messages: int
+    segment: _containers.RepeatedScalarFieldContainer[int]
+    sequence: int
+    superseded: _containers.RepeatedScalarFieldContainer[bytes]
+    tie: ClockTie
+    told: _containers.RepeatedCompositeFieldContainer[ToldEphemeris]
+    trust: TrustState
+    trust_sequence: int
+    unsolved: int
+    valid_until_ns: int
+    vouched: _containers.RepeatedCompositeFieldContainer[Vouched]
+    def __init__(self, mono_ns: _Optional[int] = ..., receivers: _Optional[_Union[Snapshot, _Mapping]] = ..., told: _Optional[_Iterable[_Union[ToldEphemeris, _Mapping]]] = ..., segment: _Optional[_Iterable[int]] = ..., first_antenna: _Optional[_Union[TrackPlace, _Mapping]] = ..., facing: _Optional[int] = ..., unsolved: _Optional[int] = ..., reached: _Optional[_Union[Reached, _Mapping]] = ..., behind_m: _Optional[float] = ..., vouched: _Optional[_Iterable[_Union[Vouched, _Mapping]]] = ..., tie: _Optional[_Union[ClockTie, _Mapping]] = ..., last_health: _Optional[_Union[LastHealth, _Mapping]] = ..., superseded: _Optional[_Iterable[bytes]] = ..., trust: _Optional[_Union[TrustState, str]] = ..., normals: _Optional[int] = ..., valid_until_ns: _Optional[int] = ..., trust_sequence: _Optional[int] = ..., nonces: _Optional[_Iterable[_Union[SentNonce, _Mapping]]] = ..., challenge_at_ns: _Optional[int] = ..., last_mono_ns: _Optional[int] = ..., sequence: _Optional[int] = ..., refused_messages: _Optional[int] = ..., last_confirmed: _Optional[_Union[TrackPlace, _Mapping]] = ..., last_confirmed_gps_ns: _Optional[int] = ...) -> None: ...
+
 class TrainStarted(_message.Message):
     __slots__ = ["config_sha256", "gps_time_ns", "map_json", "mono_ns", "software", "train", "train_toml", "trusted_keys"]
     CONFIG_SHA256_FIELD_NUMBER: _ClassVar[int]
@@ -723,6 +829,16 @@ class Vertex(_message.Message):
     unsolved: Unsolved
     up_m: float
     def __init__(self, receiver: _Optional[str] = ..., east_m: _Optional[float] = ..., north_m: _Optional[float] = ..., up_m: _Optional[float] = ..., satellites: _Optional[int] = ..., unsolved: _Optional[_Union[Unsolved, str]] = ...) -> None: ...
+
+class Vouched(_message.Message):
+    __slots__ = ["from_gps_ns", "signals", "to_gps_ns"]
+    FROM_GPS_NS_FIELD_NUMBER: _ClassVar[int]
+    SIGNALS_FIELD_NUMBER: _ClassVar[int]
+    TO_GPS_NS_FIELD_NUMBER: _ClassVar[int]
+    from_gps_ns: int
+    signals: _containers.RepeatedScalarFieldContainer[str]
+    to_gps_ns: int
+    def __init__(self, from_gps_ns: _Optional[int] = ..., to_gps_ns: _Optional[int] = ..., signals: _Optional[_Iterable[str]] = ...) -> None: ...
 
 class State(int, metaclass=_enum_type_wrapper.EnumTypeWrapper):
     __slots__ = []

@@ -148,6 +148,16 @@ def test_a_file_ends_with_the_hour(recorder: Recorder[Event], arrived: list[Even
     assert files(tmp_path / "rec") == [f"{FIRST}.mcap", f"{SECOND}.mcap"]
 
 
+def test_an_hour_that_has_begun_does_not_begin_once_more(recorder: Recorder[Event]) -> None:
+    """The clock of a file comes from the last epoch before it: a few milliseconds earlier or later than that of the file before."""
+    hour_ns = parse_utc("2026-03-02T04:00:00Z")
+    recorder.begin(SNAPSHOT, MONO_NS, hour_ns - 10 * NS_PER_S)
+    crossed_ns = MONO_NS + 10 * NS_PER_S + 1
+    assert recorder.wants_file(crossed_ns)
+    recorder.begin(SNAPSHOT, crossed_ns, hour_ns - 5_000_000)
+    assert not recorder.wants_file(crossed_ns + 10_000_000)
+
+
 def test_each_hour_alone_is_decided_as_it_was_in_the_row(recorder: Recorder[Event], arrived: list[Event], tmp_path: Path) -> None:
     live = reports(recorded_live(recorder, arrived))
     assert len(live) == 20

@@ -11,6 +11,7 @@ from typing import Any
 
 import pytest
 
+from integrity.gnss.gps_time import parse_utc
 from integrity.messages import wayside_pb2 as pb
 from integrity.messages.key_expressions import train_key
 from recordings.link import dial_link
@@ -100,6 +101,22 @@ def test_two_replays_say_the_same(ridden: Ridden) -> None:
 
 def test_the_recording_is_whole(ridden: Ridden) -> None:
     assert wayside("recording", "check", ridden.recording).returncode == 0
+
+
+def test_over_the_hour_each_file_is_decided_alone_as_it_was(tmp_path: Path) -> None:
+    """A new file begins with the hour and a snapshot: in the midst of trust."""
+    start_ns = parse_utc("2026-03-02T03:59:51Z")
+    with ReceiverServer((*"ABC", *ANTENNAS), "127.0.0.1", 0) as server:
+        sources = urls(server)
+        place = make_field(tmp_path, {name: sources[name] for name in "ABC"}, 0.1)
+        train_file = make_train(place, sources)
+        events = both_measured(place.site_file, 14.0, start_ns=start_ns)
+        with running_station(place), running_train(train_file) as train, playing(server, events):
+            train.until(lambda p: int(p.get("gps_time_ns", 0)) > start_ns + 13 * 10**9 and p["status"] == "POSITION_VALID", 60.0)
+            train.process.send_signal(signal.SIGTERM)
+            train.process.wait(10.0)
+    files = sorted((tmp_path / "train-recordings").glob("*.mcap"))
+    assert [wayside("train", "replay", file, "--diff").stderr.rpartition(", ")[2] for file in files] == ["no difference\n"] * 2
 
 
 def test_a_recording_of_a_train_is_not_taken_for_one_of_a_station(ridden: Ridden) -> None:

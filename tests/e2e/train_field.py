@@ -43,15 +43,15 @@ def make_train(place: Field, sources: dict[str, str], interval_s: float = 0.1, m
 
 
 @cache
-def both_measured(site_file: Path, seconds: float, interval_s: float = 0.1, seed: int = 1) -> tuple[Event, ...]:
+def both_measured(site_file: Path, seconds: float, interval_s: float = 0.1, seed: int = 1, start_ns: int = START_NS) -> tuple[Event, ...]:
     """What the receivers of station and train send, in order of time."""
     from recordings.site_file import load_site
 
     site = load_site(site_file).config
-    run = sample_run(sample_line(), START_NS)
+    run = sample_run(sample_line(), start_ns)
     train = antennas_on(run, load_train(SAMPLES / "train.toml").config.antennas)
-    ground = as_bytes(observed(antennas_of(site), START_NS, seconds, 1.0 / interval_s, seed), antennas_of(site))
-    board = as_bytes(observed(train, START_NS, seconds, 1.0 / interval_s, seed, TRAIN_ERRORS), train)
+    ground = as_bytes(observed(antennas_of(site), start_ns, seconds, 1.0 / interval_s, seed), antennas_of(site))
+    board = as_bytes(observed(train, start_ns, seconds, 1.0 / interval_s, seed, TRAIN_ERRORS), train)
     return tuple(sorted((e for e in (*ground, *board) if isinstance(e, RawBytes)), key=lambda e: e.mono_ns))
 
 

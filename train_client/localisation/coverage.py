@@ -5,6 +5,7 @@ less those of excluded satellites. What an epoch was not covered by in time is n
 """
 
 from collections import deque
+from collections.abc import Iterable
 from typing import Generic, NamedTuple, TypeVar
 
 from integrity.gnss.signals import satellite_of
@@ -45,8 +46,8 @@ def vouched_by(health: pb.Health) -> Vouched | None:
 class Coverage(Generic[W]):
     """What was vouched for of late, and what waits for it: W by its epoch."""
 
-    def __init__(self) -> None:
-        self._vouched: deque[Vouched] = deque(maxlen=MOST_REMEMBERED)
+    def __init__(self, vouched: Iterable[Vouched] = ()) -> None:
+        self._vouched: deque[Vouched] = deque(vouched, maxlen=MOST_REMEMBERED)
         self._waiting: deque[tuple[int, W]] = deque(maxlen=MOST_WAITING)
 
     @property
@@ -68,6 +69,11 @@ class Coverage(Generic[W]):
         waiting, self._waiting = self._waiting, deque(maxlen=MOST_WAITING)
         self._waiting.extend((t, what) for t, what in waiting if t > vouched.to_ns)
         return [what for t, what in waiting if vouched.covers(t)]
+
+    def vouched(self) -> tuple[Vouched, ...]:
+        """Everything remembered but what waits, which is let go: a memory that goes on elsewhere would not have it."""
+        self._waiting.clear()
+        return tuple(self._vouched)
 
     def forget(self) -> None:
         """The ground vouches for nothing any more: neither for what was nor for what waits."""

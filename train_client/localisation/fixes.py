@@ -55,10 +55,19 @@ class _Solved(NamedTuple):
     why: tuple[str, ...]
 
 
+class FixMemory(NamedTuple):
+    """Segments of the last places, one per antenna, or None; where the first antenna was and which way the train faced there; epochs in
+    a row without a place."""
+
+    segment: tuple[int, ...] | None = None
+    before: tuple[Place, int] | None = None
+    unsolved: int = 0
+
+
 class FixMaker:
     """Makes fixes for one train; remembers where its antennas were and which way it faces."""
 
-    def __init__(self, train: TrainConfig, track: TrackMap, store: EphemerisStore, limits: TrainLimits) -> None:
+    def __init__(self, train: TrainConfig, track: TrackMap, store: EphemerisStore, limits: TrainLimits, memory: FixMemory) -> None:
         self._train = train
         self._track = track
         self._store = store
@@ -67,9 +76,12 @@ class FixMaker:
         loci = {facing: [locus_of(track, a.height_m, facing * a.y_m) for a in train.antennas] for facing in (1, -1)}
         self._paths = {facing: paths_of(of) for facing, of in loci.items()}
         self._single = {facing: [paths_of([locus]) for locus in of] for facing, of in loci.items()}
-        self._segment: Ints | None = None  # (1, R) of the last places
-        self._before: tuple[Place, int] | None = None  # where the first antenna was, and which way the train faced there
-        self._unsolved = 0
+        self._segment = None if memory.segment is None else np.array([memory.segment], dtype=np.int64)  # (1, R)
+        self._before, self._unsolved = memory.before, memory.unsolved
+
+    def memory(self) -> FixMemory:
+        """For a snapshot."""
+        return FixMemory(None if self._segment is None else tuple(self._segment[0].tolist()), self._before, self._unsolved)
 
     def lost(self) -> None:
         """The antennas were silent: where they were before says nothing any more; which way the train faces is still so."""

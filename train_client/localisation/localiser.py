@@ -16,7 +16,7 @@ The way of an epoch, and of a message:
 from collections.abc import Iterable
 from typing import NamedTuple
 
-from integrity.assembler import AlignedEpoch, Assembler, AssemblerState, Interruption
+from integrity.assembler import AlignedEpoch, Assembler, Interruption
 from integrity.events import EphemerisReceived, Heard, InputLost, RawBytes, Tick
 from integrity.gnss.ephemeris import EphemerisStore
 from integrity.messages import wayside_pb2 as pb
@@ -28,6 +28,7 @@ from train_client.events import ChallengeAnswered, ChallengeSent, HealthReceived
 from train_client.limits import Timing, derive, silence_ns
 from train_client.localisation.coverage import Coverage, Vouched, vouched_by
 from train_client.localisation.fixes import FixMaker
+from train_client.localisation.memory import LocaliserMemory
 from train_client.localisation.progress import Progress
 from train_client.outputs import Confirmed, Fix, MessageRefused, PositionReport, Status, TrainOutput, TrustChange
 from train_client.positioning.navigation import NavigationAgreement
@@ -51,27 +52,48 @@ class _Waiting(NamedTuple):
 class TrainLocaliser:
     """Decides for one train. `keys` are the raw public keys trusted for its station."""
 
-    def __init__(self, train: TrainConfig, track: TrackMap, keys: Iterable[bytes]) -> None:
+    def __init__(self, train: TrainConfig, track: TrackMap, keys: Iterable[bytes], memory: LocaliserMemory | None = None) -> None:
+        start = memory or LocaliserMemory()
         self.train = train
         self.track = track
         self._keys = tuple(keys)
         limits = derive()
         timing = Timing(limits.alignment_tolerance_ns, limits.alignment_tolerance_ns, silence_ns(train.epoch_interval_ns))
-        self._store = EphemerisStore(())
-        self._reception = Reception(train.antenna_ids)
-        self._agreement = NavigationAgreement(train.antenna_ids)
-        self._assembler = Assembler(train.antenna_ids, train.epoch_interval_ns, timing, AssemblerState(), self._store)
-        self._fixes = FixMaker(train, track, self._store, limits)
-        self._progress = Progress(train, track)
-        self._verifier = HealthVerifier(train.station, self._keys, train.max_valid_ms)
-        self._trust = Trust()
-        self._coverage: Coverage[_Waiting] = Coverage()
-        self._nonces: dict[bytes, int] = {}  # to when they were sent
-        self._challenge_at_ns: int | None = None
-        self._mono_ns: int | None = None
-        self._sequence = 0
-        self._refused = 0
-        self._confirmed: Confirmed | None = None
+        self._store = EphemerisStore(start.ephemerides)
+        self._reception = Reception(train.antenna_ids, start.reception)
+        self._agreement = NavigationAgreement(train.antenna_ids, start.told)
+        self._assembler = Assembler(train.antenna_ids, train.epoch_interval_ns, timing, start.assembler, self._store)
+        self._fixes = FixMaker(train, track, self._store, limits, start.fixes)
+        self._progress = Progress(train, track, start.progress)
+        self._verifier = HealthVerifier(train.station, self._keys, train.max_valid_ms, start.verifier)
+        self._trust = start.trust
+        self._coverage: Coverage[_Waiting] = Coverage(start.vouched)
+        self._nonces = dict(start.nonces)  # to when they were sent
+        self._challenge_at_ns = start.challenge_at_ns
+        self._mono_ns = start.mono_ns
+        self._sequence = start.sequence
+        self._refused = start.refused
+        self._confirmed = start.confirmed
+
+    def snapshot(self) -> LocaliserMemory:
+        """The whole memory, as values. Fixes that wait for their confirmation are let go: they stay provisional."""
+        return LocaliserMemory(
+            reception=self._reception.memories(),
+            told=self._agreement.memory(),
+            assembler=self._assembler.state(),
+            ephemerides=tuple(self._store.ephemerides),
+            fixes=self._fixes.memory(),
+            progress=self._progress.memory(),
+            vouched=self._coverage.vouched(),
+            verifier=self._verifier.memory(),
+            trust=self._trust,
+            nonces=tuple(self._nonces.items()),
+            challenge_at_ns=self._challenge_at_ns,
+            mono_ns=self._mono_ns,
+            sequence=self._sequence,
+            refused=self._refused,
+            confirmed=self._confirmed,
+        )
 
     def feed(self, events: Iterable[TrainEvent]) -> list[TrainOutput]:
         """Decide what the events complete."""

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PrivateKey
 
+from integrity.errors import DecodeError
 from integrity.events import RawBytes, Tick
 from integrity.gnss.gps_time import NS_PER_S
 from integrity.gnss.signals import satellite_of
@@ -34,7 +35,8 @@ from tests.unit.train.ride import (
 )
 from train_client.events import HealthReceived, TrainEvent
 from train_client.localisation.localiser import TrainLocaliser
-from train_client.outputs import MessageRefused, PositionReport, Status, TrustChange
+from train_client.outputs import MessageRefused, PositionReport, Status, TrainOutput, TrustChange
+from train_client.snapshots import decode_snapshot, encode_snapshot
 from train_client.trust import TrustState
 
 EPOCHS = 40
@@ -255,3 +257,29 @@ def test_a_tick_at_the_deadline_is_what_ends_trust() -> None:
     before = localiser.trust
     localiser.feed([Tick(due_ns, due_ns, None)])
     assert (before, localiser.trust) == (TrustState.NORMAL, TrustState.STALE)
+
+
+def from_snapshot(stream: list[TrainEvent], at: int) -> tuple[list[TrainOutput], list[TrainOutput]]:
+    """What one localiser decides from an event on, and what another one does that begins there with the snapshot, through its message."""
+    first = TrainLocaliser(a_train(), MAP, [KEY.public])
+    first.feed(stream[:at])
+    message = encode_snapshot(first.snapshot(), a_train(), MAP, 0).SerializeToString()
+    second = TrainLocaliser(a_train(), MAP, [KEY.public], decode_snapshot(pb.TrainSnapshot.FromString(message), MAP))
+    return first.feed(stream[at:]), second.feed(stream[at:])
+
+
+@pytest.mark.parametrize("share", [0.0, 0.1, 0.3, 0.33, 0.5, 0.9])
+def test_another_localiser_goes_on_from_a_snapshot_as_this_one_does(share: float) -> None:
+    """Through start-up, an anomaly, and with fixes that wait."""
+    stream = events(measured(), anomaly)
+    one, other = from_snapshot(stream, round(share * len(stream)))
+    assert one == other
+
+
+def test_a_snapshot_of_another_map_is_refused() -> None:
+    localiser = TrainLocaliser(a_train(), MAP, [KEY.public])
+    localiser.feed(events(measured())[:100])
+    message = encode_snapshot(localiser.snapshot(), a_train(), MAP, 0)
+    renamed = replace(MAP, edges=tuple(replace(edge, id=f"{edge.id}-new") for edge in MAP.edges), sections=())
+    with pytest.raises(DecodeError, match="is not on map"):
+        decode_snapshot(message, renamed)

@@ -214,7 +214,7 @@ def test_a_position_never_holds_a_number_that_is_none(name: str) -> None:
 
 def messages() -> list[tuple[Message, int]]:
     started = encode_started(TRAIN, "[train]\n", "{}", {"k-1": (bytes(32), b"\xff" * 32), "a-1": (b"\x01" * 32,)}, GPS_NS, MONO_NS)
-    listed: list[tuple[Message, int]] = [(started, MONO_NS)]
+    listed: list[tuple[Message, int]] = [(started, MONO_NS), (pb.TrainSnapshot(mono_ns=MONO_NS, sequence=3), MONO_NS)]
     listed += [(encode_event(event), event.mono_ns) for event in EVENTS]
     listed.append((encode_position(REPORT, TRAIN, TRACK), MONO_NS + 9))
     return listed

@@ -1,0 +1,131 @@
+"""The whole memory of a localiser to a message and back."""
+
+from integrity.errors import DecodeError
+from integrity.messages import wayside_pb2 as pb
+from integrity.messages.inputs import decode_ephemeris, encode_ephemeris
+from integrity.messages.snapshots import decode_snapshot as decode_station
+from integrity.messages.snapshots import encode_snapshot as encode_station
+from integrity.messages.verification import LastHealth, Tie, VerifierMemory
+from integrity.station_monitor import Snapshot
+from integrity.stream_memory import StreamMemory
+from train_client.config import TrainConfig
+from train_client.localisation.coverage import Vouched
+from train_client.localisation.fixes import FixMemory
+from train_client.localisation.memory import LocaliserMemory
+from train_client.localisation.progress import ProgressMemory, Reached
+from train_client.messages import TRUST
+from train_client.outputs import Confirmed, MapPlace
+from train_client.track.network import Place
+from train_client.track.track_map import TrackMap
+from train_client.trust import Trust
+
+_TRUST_OF = {number: state for state, number in TRUST.items()}
+
+
+def encode_snapshot(memory: LocaliserMemory, train: TrainConfig, track: TrackMap, mono_ns: int) -> pb.TrainSnapshot:
+    """A snapshot taken at `mono_ns`."""
+    receivers = Snapshot(
+        StreamMemory.empty(len(train.antennas)), reception=memory.reception, assembler=memory.assembler, ephemerides=memory.ephemerides
+    )
+    tie, last = memory.verifier.tie, memory.verifier.last
+    reached, before, confirmed = memory.progress.reached, memory.fixes.before, memory.confirmed
+    return pb.TrainSnapshot(
+        mono_ns=mono_ns,
+        receivers=encode_station(receivers, train.antenna_ids, mono_ns),
+        told=[pb.ToldEphemeris(antenna=antenna, ephemeris=encode_ephemeris(eph, 0)) for antenna, eph in memory.told],
+        segment=memory.fixes.segment or (),
+        first_antenna=None if before is None else pb.TrackPlace(edge=track.edges[before[0].edge_index].id, offset_m=before[0].s_m),
+        facing=0 if before is None else before[1],
+        unsolved=memory.fixes.unsolved,
+        reached=None
+        if reached is None
+        else pb.Reached(place=_place(reached.place), sigma_m=reached.sigma_m, facing=reached.facing, gps_time_ns=reached.gps_time_ns),
+        behind_m=memory.progress.behind_m,
+        vouched=[pb.Vouched(from_gps_ns=v.from_ns, to_gps_ns=v.to_ns, signals=sorted(v.signals)) for v in memory.vouched],
+        tie=None if tie is None else pb.ClockTie(**tie._asdict()),
+        last_health=None if last is None else pb.LastHealth(**last._asdict()),
+        superseded=memory.verifier.superseded,
+        trust=TRUST[memory.trust.state],
+        normals=memory.trust.normals,
+        valid_until_ns=memory.trust.valid_until_ns,
+        trust_sequence=memory.trust.sequence,
+        nonces=[pb.SentNonce(nonce=nonce, mono_ns=sent_ns) for nonce, sent_ns in memory.nonces],
+        challenge_at_ns=memory.challenge_at_ns,
+        last_mono_ns=memory.mono_ns,
+        sequence=memory.sequence,
+        refused_messages=memory.refused,
+        last_confirmed=None if confirmed is None else _place(confirmed.place),
+        last_confirmed_gps_ns=0 if confirmed is None else confirmed.gps_time_ns,
+    )
+
+
+def decode_snapshot(message: pb.TrainSnapshot, track: TrackMap) -> LocaliserMemory:
+    """The memory that a message records; DecodeError where it is of another map, or its parts do not fit each other."""
+    receivers = decode_station(message.receivers)
+    try:
+        trust = Trust(
+            _TRUST_OF[message.trust],
+            message.normals,
+            message.valid_until_ns if message.HasField("valid_until_ns") else None,
+            message.trust_sequence if message.HasField("trust_sequence") else None,
+        )
+    except (KeyError, ValueError) as error:
+        raise DecodeError(f"snapshot: trust {message.trust}: {error}") from None
+    return LocaliserMemory(
+        reception=receivers.reception,
+        told=tuple((told.antenna, decode_ephemeris(told.ephemeris)) for told in message.told),
+        assembler=receivers.assembler,
+        ephemerides=receivers.ephemerides,
+        fixes=FixMemory(tuple(message.segment) or None, _before(message, track), message.unsolved),
+        progress=ProgressMemory(_reached(message.reached) if message.HasField("reached") else None, message.behind_m),
+        vouched=tuple(Vouched(v.from_gps_ns, v.to_gps_ns, frozenset(v.signals)) for v in message.vouched),
+        verifier=VerifierMemory(_tie(message), _last(message), tuple(message.superseded)),
+        trust=trust,
+        nonces=tuple((sent.nonce, sent.mono_ns) for sent in message.nonces),
+        challenge_at_ns=message.challenge_at_ns if message.HasField("challenge_at_ns") else None,
+        mono_ns=message.last_mono_ns if message.HasField("last_mono_ns") else None,
+        sequence=message.sequence,
+        refused=message.refused_messages,
+        confirmed=Confirmed(_map_place(message.last_confirmed), message.last_confirmed_gps_ns)
+        if message.HasField("last_confirmed")
+        else None,
+    )
+
+
+def _before(message: pb.TrainSnapshot, track: TrackMap) -> tuple[Place, int] | None:
+    if not message.HasField("first_antenna"):
+        return None
+    index = track.edge_index.get(message.first_antenna.edge)
+    if index is None:
+        raise DecodeError(f"snapshot: edge {message.first_antenna.edge!r} is not on map {track.id}: give the map that was recorded with")
+    return Place(index, message.first_antenna.offset_m), message.facing
+
+
+def _confirmed(message: pb.TrainSnapshot) -> Confirmed | None:
+    if not message.HasField("last_confirmed"):
+        return None
+    return Confirmed(_map_place(message.last_confirmed), message.last_confirmed_gps_ns)
+
+
+def _tie(message: pb.TrainSnapshot) -> Tie | None:
+    tie = message.tie
+    return Tie(tie.boot_id, tie.sent_mono_ns, tie.received_mono_ns, tie.issued_mono_ns) if message.HasField("tie") else None
+
+
+def _last(message: pb.TrainSnapshot) -> LastHealth | None:
+    last = message.last_health
+    if not message.HasField("last_health"):
+        return None
+    return LastHealth(last.boot_id, last.sequence, last.data, last.gps_time_ns if last.HasField("gps_time_ns") else None, last.told)
+
+
+def _reached(reached: pb.Reached) -> Reached:
+    return Reached(_map_place(reached.place), reached.sigma_m, reached.facing, reached.gps_time_ns)
+
+
+def _place(place: MapPlace) -> pb.TrackPlace:
+    return pb.TrackPlace(edge=place.edge, offset_m=place.offset_m)
+
+
+def _map_place(place: pb.TrackPlace) -> MapPlace:
+    return MapPlace(place.edge, place.offset_m)
