@@ -39,6 +39,7 @@ from train_client.train_file import TrainFile
 
 TICK_NS = NS_PER_S
 HOLD_NS = 10 * NS_PER_S  # so long the recording waits for the first epoch, to begin with GNSS time
+SAY_AGAIN_NS = 10 * NS_PER_S
 INTERRUPTED = 130
 AIR = "the air"  # no antenna can be called so
 
@@ -99,6 +100,7 @@ class TrainRunner:
         self._gps_ahead_ns: int | None = None  # GPS time minus the monotonic clock, by the last epoch
         self._held: list[TrainEvent | Message] | None = []  # events and what came of them, until the recording begins
         self._first = localiser.snapshot()  # until then
+        self._refused: dict[str, tuple[int | None, int]] = {}  # by kind: when it was said last, and how many have come since
 
     def stop(self, signal_number: int) -> None:
         """End `run` soon; safe in a signal handler."""
@@ -187,7 +189,17 @@ class TrainRunner:
             case TrustChange():
                 self._say(f"trust {output.state.value}: {'; '.join(output.reasons)}" if output.reasons else f"trust {output.state.value}")
             case MessageRefused():
-                self._say(f"not believed: {output.refusal}")
+                self._say_refused(output)
+
+    def _say_refused(self, refused: MessageRefused) -> None:
+        """The first of a kind at once; of more of them, how many, every ten seconds: nobody can fill a journal from afar."""
+        kind = refused.refusal.partition(":")[0]
+        said_ns, more = self._refused.get(kind, (None, 0))
+        if said_ns is not None and refused.mono_ns - said_ns < SAY_AGAIN_NS:
+            self._refused[kind] = (said_ns, more + 1)
+            return
+        self._refused[kind] = (refused.mono_ns, 0)
+        self._say(f"not believed: {refused.refusal}{f' (and {more} like it before)' if more else ''}")
 
     def _begin_recording(self) -> None:
         """With what was held; the clock of the file is GNSS time where it is known by now."""

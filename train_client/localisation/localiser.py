@@ -38,6 +38,7 @@ from train_client.trust import Trust, TrustState, after_message, after_time, nex
 CHALLENGE_EVERY_NS = 1_000_000_000
 CHALLENGE_PAUSE_NS = 100_000_000  # at least this between two: replayed messages must not make us ask without end
 MOST_NONCES = 16  # not answered yet
+SHOWN_CHARACTERS = 200  # of words from the network that nobody has signed
 DENIED = (TrustState.SATELLITE_ANOMALY, TrustState.NOT_CONFIRMABLE)
 
 
@@ -171,7 +172,8 @@ class TrainLocaliser:
     def _answered(self, event: ChallengeAnswered) -> list[TrainOutput]:
         sent_ns = self._nonces.get(event.nonce)
         if event.error or sent_ns is None:
-            return self._refusal(event.mono_ns, f"challenge: {event.error or 'an answer to a nonce that was not asked'}")
+            error = repr(event.error[:SHOWN_CHARACTERS]) if event.error else "an answer to a nonce that was not asked"
+            return self._refusal(event.mono_ns, f"challenge: {error}")
         answer = self._verifier.challenge_answered(event.nonce, sent_ns, event.mono_ns, event.data)
         return self._refusal(event.mono_ns, f"challenge: {answer.refusal}") if answer.refusal else []
 
