@@ -211,6 +211,7 @@ def test_it_waits_for_a_station_that_is_not_there_yet(key: Path) -> None:
     with started("--keys", str(key.parent / "trusted.toml"), "--connect", endpoint, "--json") as listener:
         listener.notice(f"NO_COMMS: nobody is at {endpoint}")
         with station(key, [endpoint], []) as running:
+            listener.notice(f"{SITE_ID} answers as boot")
             running.health(1)
             told = listener.message()
     assert (told["sequence"], told["fresh"]) == (1, True)

@@ -116,6 +116,16 @@ def test_an_epoch_that_is_not_covered_is_never_valid(shift_ns: int) -> None:
     assert not valid(ride(events(measured(), say)))
 
 
+def test_a_message_a_second_confirms_every_epoch_since_the_one_before() -> None:
+    """The station is slower than the train: five fixes wait for each message."""
+
+    def say(number: int, plain: pb.Health) -> pb.Health | None:
+        plain.covers_from_gps_ns, plain.valid_for_ms = plain.gps_time_ns - 5 * STEP_NS + 1, 3000
+        return plain if number % 5 == 0 else None
+
+    assert numbers(valid(ride(events(measured(), say)))) == set(range(6, EPOCHS - 4))
+
+
 def test_silence_of_the_ground_ends_trust_when_the_last_message_runs_out() -> None:
     outputs = ride(events(measured(), lambda number, plain: plain if number <= 20 else None))
     ends = [o.mono_ns for o in outputs if isinstance(o, TrustChange) and o.state is TrustState.STALE]
