@@ -407,11 +407,11 @@ def cut(path: Path, target: Path, size: int) -> Path:
 
 
 def cuts(path: Path) -> list[int]:
-    """Places in the head and the first chunk, anywhere behind them, and around the ends of some chunks."""
+    """Places in the head and the first chunk, in the summary at the end, in the chunks between, and around the ends of some."""
     rng = random.Random(50)
     ends = [end for end, _ in chunk_seconds(path)]
-    anywhere = [rng.randrange(ends[0]) for _ in range(5)] + [rng.randrange(ends[0], path.stat().st_size) for _ in range(CUTS - 14)]
-    return anywhere + [end + by for end in (ends[0], ends[20], ends[-1]) for by in (-1, 0, 1)]
+    parts = [(0, ends[0])] * 5 + [(ends[-1], path.stat().st_size)] * 5 + [(ends[0], ends[-1])] * (CUTS - 19)
+    return [rng.randrange(*part) for part in parts] + [end + by for end in (ends[0], ends[20], ends[-1]) for by in (-1, 0, 1)]
 
 
 @pytest.fixture(scope="module")
