@@ -168,8 +168,11 @@ class TrainRunner:
             self._recorder.event(event)
         else:
             self._held.append(event)
-        for output in self._localiser.feed((event,)):
+        outputs = self._localiser.feed((event,))
+        for output in outputs:
             self._output(output)
+        if any(isinstance(output, PositionReport) for output in outputs):
+            self._localiser.look_ahead()
         if self._held is not None and event.mono_ns - self._began_ns > HOLD_NS:
             self._begin_recording()
 

@@ -9,7 +9,8 @@ import numpy as np
 
 from integrity.assembler import AlignedEpoch
 from integrity.errors import ConfigError
-from integrity.gnss.ephemeris import EphemerisStore, SatelliteStates, accuracy_m, satellite_states, usable
+from integrity.gnss.atmosphere import Klobuchar
+from integrity.gnss.ephemeris import Ephemerides, EphemerisStore, SatelliteStates, accuracy_m, satellite_states, usable
 from integrity.gnss.observations import ROW_ARRAYS, Bools, Floats, Ints, ObservationBlock, build_block
 from integrity.gnss.positioning import Expected, range_sigma_m, state_time_ns
 from integrity.gnss.signals import SYSTEMS, system_index
@@ -48,6 +49,25 @@ class _Seen(NamedTuple):
     reasons: tuple[str, ...]
 
 
+class _Sky(NamedTuple):
+    """What is known of an epoch before anything is measured: chosen ephemerides (1, S), states, what would be seen from the segments."""
+
+    satellites: tuple[str, ...]
+    epoch_ns: int
+    arrived: int
+    klobuchar: Klobuchar | None
+    ephemerides: Ephemerides
+    segment: tuple[int, ...]
+    chosen: Ints
+    states: SatelliteStates
+    sight: Expected
+
+    def is_of(self, other: tuple[object, ...]) -> bool:
+        """Whether it is the sky that this is the description of: everything but what follows from it."""
+        *same, ephemerides, segment = other
+        return [*self[:4], self.segment] == [*same, segment] and self.ephemerides is ephemerides
+
+
 class _Solved(NamedTuple):
     """Antennas on their paths; in words why each (R,) has no place, "" where it has one."""
 
@@ -78,6 +98,8 @@ class FixMaker:
         self._single = {facing: [paths_of([locus]) for locus in of] for facing, of in loci.items()}
         self._segment = None if memory.segment is None else np.array([memory.segment], dtype=np.int64)  # (1, R)
         self._before, self._unsolved = memory.before, memory.unsolved
+        self._last: _Sky | None = None
+        self._ahead: _Sky | None = None
 
     def memory(self) -> FixMemory:
         """For a snapshot."""
@@ -100,21 +122,41 @@ class FixMaker:
         self._remember(solved, places, test)
         return self._result(epoch.epoch_ns, seen, solved, places, test, front)
 
+    def look_ahead(self, epoch_ns: int) -> None:
+        """Compute what the next epoch needs while there is time. It changes no bit of a fix, only how soon it is there."""
+        if self._last is not None:
+            last = self._last
+            self._ahead = self._computed(last.satellites, epoch_ns, last.arrived, last.klobuchar)
+
     # ---- satellites
+
+    def _sky(self, satellites: tuple[str, ...], epoch: AlignedEpoch) -> _Sky:
+        wanted = (satellites, epoch.epoch_ns, epoch.arrived, epoch.klobuchar)
+        if self._ahead is not None and self._ahead.is_of((*wanted, self._store.ephemerides, self._segments())):
+            return self._ahead
+        return self._computed(*wanted)
+
+    def _computed(self, satellites: tuple[str, ...], epoch_ns: int, arrived: int, klobuchar: Klobuchar | None) -> _Sky:
+        ephemerides, segment, times_ns = self._store.ephemerides, self._segments(), np.array([epoch_ns])
+        index = self._store.choose(satellites, times_ns, np.array([arrived]))
+        states = satellite_states(ephemerides, index, state_time_ns(times_ns))
+        sight = sight_at(self._paths[1], np.array([segment], dtype=np.int64), states, times_ns, klobuchar)
+        return _Sky(satellites, epoch_ns, arrived, klobuchar, ephemerides, segment, index, states, sight)
+
+    def _segments(self) -> tuple[int, ...]:
+        """Where geometry is computed: where the antennas were last, or anywhere on the line."""
+        return (0,) * len(self._train.antennas) if self._segment is None else tuple(self._segment[0].tolist())
 
     def _seen(self, epoch: AlignedEpoch, signals: frozenset[str] | None, mismatched: Collection[str]) -> _Seen:
         block = build_block(self._train.antenna_ids, [epoch.epoch_ns], [epoch.rows])
-        ephemerides = self._store.ephemerides
-        index = self._store.choose(block.satellites, block.epoch_ns, np.array([epoch.arrived]))
-        states = satellite_states(ephemerides, index, state_time_ns(block.epoch_ns))
-        at = np.zeros((1, len(epoch.rows)), dtype=np.int64) if self._segment is None else self._segment
-        sight = sight_at(self._paths[1], at, states, block.epoch_ns, epoch.klobuchar)
+        sky = self._last = self._sky(block.satellites, epoch)
+        ephemerides, index, sight = sky.ephemerides, sky.chosen, sky.sight
         a_m, b_m = self._train.sigma_range_m, self._train.sigma_range_low_m
         reasons = _why_unused(block, signals, index[0] >= 0, usable(ephemerides, index)[0], mismatched)
         good = np.array([not reason for reason in reasons], dtype=np.bool_)
         return _Seen(
             block,
-            states,
+            sky.states,
             sight,
             sigma_m=range_sigma_m(sight.el_rad, a_m, b_m, accuracy_m(ephemerides, index)[:, None, :]),
             used=good & np.isfinite(block.pseudorange_m) & ~(block.cn0_dbhz < self._limits.min_cn0_dbhz),

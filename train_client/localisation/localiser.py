@@ -100,6 +100,11 @@ class TrainLocaliser:
         """Decide what the events complete."""
         return [output for event in events for output in self._event(event)]
 
+    def look_ahead(self) -> None:
+        """Compute what the next epoch needs while there is time. It changes no decision, only how soon the next one is there."""
+        if self._assembler.last_epoch_ns is not None:
+            self._fixes.look_ahead(self._assembler.last_epoch_ns + self.train.epoch_interval_ns)
+
     @property
     def next_deadline_ns(self) -> int | None:
         """Monotonic time at which the shell should send a tick: trust runs out, or a stream falls silent."""

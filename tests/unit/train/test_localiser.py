@@ -257,6 +257,17 @@ def test_one_event_at_a_time_or_all_at_once_decides_the_same() -> None:
     assert [output for event in stream for output in single.feed([event])] == ride(stream)
 
 
+def test_looking_ahead_changes_nothing() -> None:
+    """Not the last bit of a number, through start-up, an anomaly and a change of the satellites allowed."""
+    stream = events(measured(), anomaly)
+    ahead = TrainLocaliser(a_train(), MAP, [KEY.public])
+    outputs = []
+    for event in stream:
+        outputs += ahead.feed([event])
+        ahead.look_ahead()
+    assert outputs == ride(stream)
+
+
 def test_a_tick_at_the_deadline_is_what_ends_trust() -> None:
     localiser = TrainLocaliser(a_train(), MAP, [KEY.public])
     localiser.feed(events(measured())[: 12 * 5])
