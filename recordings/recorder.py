@@ -115,7 +115,7 @@ class Recorder(Generic[T]):
             return time.monotonic() >= self._files.retry_s
         if self._overflowed:
             return self._queue.qsize() <= MOST_ENTRIES // 2 and self._put_bytes - self._taken_bytes <= MOST_BYTES // 2
-        return (mono_ns + self._offset_ns) // HOUR_NS != self._hour
+        return (mono_ns + self._offset_ns) // HOUR_NS > self._hour
 
     def begin(self, snapshot: Message, mono_ns: int, gps_ns: int) -> None:
         """A new file. `mono_ns` is of the next event, `gps_ns` the GPS time at that moment: log times are counted from there."""
