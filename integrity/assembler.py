@@ -27,11 +27,16 @@ class AlignmentLimits(Protocol):
     """How far a time tag may be from its epoch, how near two are that are the same, and how long a silence may be."""
 
     @property
-    def alignment_tolerance_ns(self) -> int: ...  # noqa: D102
+    def alignment_tolerance_ns(self) -> int:
+        """Of a time tag, from its epoch."""
+
     @property
-    def same_time_ns(self) -> int: ...  # noqa: D102
+    def same_time_ns(self) -> int:
+        """Between two time tags of one receiver."""
+
     @property
-    def silence_ns(self) -> int: ...  # noqa: D102
+    def silence_ns(self) -> int:
+        """Of a stream."""
 
 
 @dataclass(frozen=True)

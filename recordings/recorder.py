@@ -43,7 +43,8 @@ class Timed(Protocol):
     """An event: it came at a time of the monotonic clock."""
 
     @property
-    def mono_ns(self) -> int: ...  # noqa: D102
+    def mono_ns(self) -> int:
+        """Of its arrival."""
 
 
 T = TypeVar("T", bound=Timed)

@@ -18,7 +18,7 @@ from integrity.gnss.signals import system_index
 from recordings.simulate.constellation import IONOSPHERE, constellation
 from tests.unit.positioning.field import ANTENNAS, BEGIN, START_NS, edge, map_s_m, paths_on, track_of, whole_track
 from train_client.limits import derive
-from train_client.positioning.constrained import Paths, Why, sight_at, solve_on_track
+from train_client.positioning.constrained import Paths, Ranges, Why, sight_at, solve_on_track
 from train_client.positioning.sections import locate, search
 from train_client.simulate.line import Piece, build_line
 
@@ -86,7 +86,7 @@ def live(sky: Sky, paths: Paths, block: ObservationBlock, segment: Ints, sigma_m
     states = sky.states(sky.satellites, block.epoch_ns)
     seen_from = paths, segment, states, block.epoch_ns, IONOSPHERE
     sight = sight_at(*seen_from)
-    where = block, states, paths, segment, IONOSPHERE, sigma_m, used, system_of, 2, LIMITS
+    where = Ranges(block, states, IONOSPHERE, sigma_m, used, system_of, 2), paths, segment, LIMITS
     said("one epoch, two antennas, geometry included", 1e3 * seconds_of(lambda: solve_on_track(*where), 3000), 0.3, "ms")
     said("one epoch, two antennas, geometry computed ahead", 1e3 * seconds_of(lambda: solve_on_track(*where, sight), 3000), 0.3, "ms")
     print(f"{'  of it the geometry':62} {1e3 * seconds_of(lambda: sight_at(*seen_from), 3000):8.3f} ms")
@@ -114,7 +114,8 @@ def main() -> None:
         solved, squares = 0, 0.0
         for block, cut in zip(blocks, cuts, strict=True):
             states = sky.states(sky.satellites, block.epoch_ns)
-            found = solve_on_track(block, states, paths, segment[cut], IONOSPHERE, sigma_m, used, system_of, 2, LIMITS)
+            ranges = Ranges(block, states, IONOSPHERE, sigma_m, used, system_of, 2)
+            found = solve_on_track(ranges, paths, segment[cut], LIMITS)
             solved += int(found.solved.sum())
             squares += float((((map_s_m(paths, found) - s_m[cut]) / found.sigma_m) ** 2).sum())
         return solved, squares
@@ -127,7 +128,8 @@ def main() -> None:
     wide = paths_on(track_of([edge("long", ("a", "b"), np.arange(0.0, 10_001.0) * 5.0, of=long)]), ANTENNAS[:1])
     at = Points(*(p[None, 6_000, None] for p in wide.points))
     there = measured(sky, at.pos_ecef_m, epoch_ns[:1])
-    query = there, sky.states(sky.satellites, epoch_ns[:1]), wide, IONOSPHERE, sigma_m[0, 0], used[0, 0], system_of, 2, LIMITS
+    states = sky.states(sky.satellites, epoch_ns[:1])
+    query = Ranges(there, states, IONOSPHERE, sigma_m[0, 0], used[0, 0], system_of, 2), wide, LIMITS
     said(f"search over {len(wide.length_m)} points", 1e3 * seconds_of(lambda: search(*query), 20), 100.0, "ms")
     said("search and solutions", 1e3 * seconds_of(lambda: locate(*query), 20), 100.0, "ms")
     found = locate(*query)

@@ -11,14 +11,14 @@ from integrity.assembler import AlignedEpoch
 from integrity.errors import ConfigError
 from integrity.gnss.atmosphere import Klobuchar
 from integrity.gnss.ephemeris import Ephemerides, EphemerisStore, SatelliteStates, accuracy_m, satellite_states, usable
-from integrity.gnss.observations import ROW_ARRAYS, Bools, Floats, Ints, ObservationBlock, build_block
+from integrity.gnss.observations import ROW_ARRAYS, Bools, Ints, ObservationBlock, build_block
 from integrity.gnss.positioning import Expected, range_sigma_m, state_time_ns
 from integrity.gnss.signals import SYSTEMS, system_index
 from train_client.config import TrainConfig
 from train_client.limits import TrainLimits
 from train_client.outputs import AntennaFix, Fix, MapPlace
 from train_client.positioning.antennas import Agreement, AntennaPlace, DistanceTest, FrontEnd, compare_distances, front_end
-from train_client.positioning.constrained import OnTrack, Why, paths_of, sight_at, solve_on_track
+from train_client.positioning.constrained import OnTrack, Ranges, Why, paths_of, sight_at, solve_on_track
 from train_client.positioning.sections import Located, Search, locate
 from train_client.track.locus import Place, Unreachable, arc_between, locus_of, shifted
 from train_client.track.track_map import TrackMap
@@ -37,35 +37,31 @@ WORDS = {
 
 
 class _Seen(NamedTuple):
-    """One epoch: block (1, R, S), states of its satellites, what would be seen where the antennas were last, sigmas (1, R, S), which
-    ranges may be used (1, R, S), and of the signals that may not (S,) why."""
+    """One epoch: its ranges, what would be seen where the antennas were last, and of the signals that may not be used (S,) why."""
 
-    block: ObservationBlock
-    states: SatelliteStates
+    ranges: Ranges
     sight: Expected
-    sigma_m: Floats
-    used: Bools
-    system_of: Ints
     reasons: tuple[str, ...]
 
 
-class _Sky(NamedTuple):
-    """What is known of an epoch before anything is measured: chosen ephemerides (1, S), states, what would be seen from the segments."""
+class _Wanted(NamedTuple):
+    """Which sky: of these satellites at an epoch, with so many ephemerides and this ionosphere known, seen from these segments."""
 
     satellites: tuple[str, ...]
     epoch_ns: int
     arrived: int
     klobuchar: Klobuchar | None
-    ephemerides: Ephemerides
     segment: tuple[int, ...]
+
+
+class _Sky(NamedTuple):
+    """What is known of an epoch before anything is measured: chosen ephemerides (1, S), states, what would be seen from the segments."""
+
+    of: _Wanted
+    ephemerides: Ephemerides
     chosen: Ints
     states: SatelliteStates
     sight: Expected
-
-    def is_of(self, other: tuple[object, ...]) -> bool:
-        """Whether it is the sky that this is the description of: everything but what follows from it."""
-        *same, ephemerides, segment = other
-        return [*self[:4], self.segment] == [*same, segment] and self.ephemerides is ephemerides
 
 
 class _Solved(NamedTuple):
@@ -98,8 +94,7 @@ class FixMaker:
         self._single = {facing: [paths_of([locus]) for locus in of] for facing, of in loci.items()}
         self._segment = None if memory.segment is None else np.array([memory.segment], dtype=np.int64)  # (1, R)
         self._before, self._unsolved = memory.before, memory.unsolved
-        self._last: _Sky | None = None
-        self._ahead: _Sky | None = None
+        self._sky: _Sky | None = None  # computed last
 
     def memory(self) -> FixMemory:
         """For a snapshot."""
@@ -112,10 +107,10 @@ class FixMaker:
     def fix(self, epoch: AlignedEpoch, signals: frozenset[str] | None, mismatched: Collection[str]) -> Fix:
         """The place in an epoch, solved with these `signals` (None: all); satellites that are `mismatched` are never used."""
         seen = self._seen(epoch, signals, mismatched)
-        solved = self._solve(seen, epoch, 1)
+        solved = self._solve(seen, 1)
         facing = self._expected_facing(solved)
         if facing == -1 and any(antenna.y_m for antenna in self._train.antennas):
-            solved = self._solve(seen, epoch, -1)
+            solved = self._solve(seen, -1)
         places = self._places(solved)
         test = compare_distances(self._track, places, facing, self._limits)
         front = self._front(places, test, facing, solved.why)
@@ -124,24 +119,21 @@ class FixMaker:
 
     def look_ahead(self, epoch_ns: int) -> None:
         """Compute what the next epoch needs while there is time. It changes no bit of a fix, only how soon it is there."""
-        if self._last is not None:
-            last = self._last
-            self._ahead = self._computed(last.satellites, epoch_ns, last.arrived, last.klobuchar)
+        if self._sky is not None:
+            self._sky_of(self._sky.of._replace(epoch_ns=epoch_ns, segment=self._segments()))
 
     # ---- satellites
 
-    def _sky(self, satellites: tuple[str, ...], epoch: AlignedEpoch) -> _Sky:
-        wanted = (satellites, epoch.epoch_ns, epoch.arrived, epoch.klobuchar)
-        if self._ahead is not None and self._ahead.is_of((*wanted, self._store.ephemerides, self._segments())):
-            return self._ahead
-        return self._computed(*wanted)
-
-    def _computed(self, satellites: tuple[str, ...], epoch_ns: int, arrived: int, klobuchar: Klobuchar | None) -> _Sky:
-        ephemerides, segment, times_ns = self._store.ephemerides, self._segments(), np.array([epoch_ns])
-        index = self._store.choose(satellites, times_ns, np.array([arrived]))
-        states = satellite_states(ephemerides, index, state_time_ns(times_ns))
-        sight = sight_at(self._paths[1], np.array([segment], dtype=np.int64), states, times_ns, klobuchar)
-        return _Sky(satellites, epoch_ns, arrived, klobuchar, ephemerides, segment, index, states, sight)
+    def _sky_of(self, wanted: _Wanted) -> _Sky:
+        """The sky computed last, if it is this one."""
+        ephemerides = self._store.ephemerides
+        if self._sky is None or self._sky.of != wanted or self._sky.ephemerides is not ephemerides:
+            epoch_ns = np.array([wanted.epoch_ns])
+            chosen = self._store.choose(wanted.satellites, epoch_ns, np.array([wanted.arrived]))
+            states = satellite_states(ephemerides, chosen, state_time_ns(epoch_ns))
+            sight = sight_at(self._paths[1], np.array([wanted.segment], dtype=np.int64), states, epoch_ns, wanted.klobuchar)
+            self._sky = _Sky(wanted, ephemerides, chosen, states, sight)
+        return self._sky
 
     def _segments(self) -> tuple[int, ...]:
         """Where geometry is computed: where the antennas were last, or anywhere on the line."""
@@ -149,54 +141,43 @@ class FixMaker:
 
     def _seen(self, epoch: AlignedEpoch, signals: frozenset[str] | None, mismatched: Collection[str]) -> _Seen:
         block = build_block(self._train.antenna_ids, [epoch.epoch_ns], [epoch.rows])
-        sky = self._last = self._sky(block.satellites, epoch)
-        ephemerides, index, sight = sky.ephemerides, sky.chosen, sky.sight
+        sky = self._sky_of(_Wanted(block.satellites, epoch.epoch_ns, epoch.arrived, epoch.klobuchar, self._segments()))
         a_m, b_m = self._train.sigma_range_m, self._train.sigma_range_low_m
-        reasons = _why_unused(block, signals, index[0] >= 0, usable(ephemerides, index)[0], mismatched)
+        reasons = _why_unused(block, signals, sky.chosen[0] >= 0, usable(sky.ephemerides, sky.chosen)[0], mismatched)
         good = np.array([not reason for reason in reasons], dtype=np.bool_)
-        return _Seen(
+        ranges = Ranges(
             block,
             sky.states,
-            sight,
-            sigma_m=range_sigma_m(sight.el_rad, a_m, b_m, accuracy_m(ephemerides, index)[:, None, :]),
+            epoch.klobuchar,
+            sigma_m=range_sigma_m(sky.sight.el_rad, a_m, b_m, accuracy_m(sky.ephemerides, sky.chosen)[:, None, :]),
             used=good & np.isfinite(block.pseudorange_m) & ~(block.cn0_dbhz < self._limits.min_cn0_dbhz),
             system_of=np.array([system_index(s) for s in block.satellites], dtype=np.int64),
-            reasons=reasons,
+            n_systems=len(SYSTEMS),
         )
+        return _Seen(ranges, sky.sight, reasons)
 
     # ---- antennas
 
-    def _solve(self, seen: _Seen, epoch: AlignedEpoch, facing: int) -> _Solved:
+    def _solve(self, seen: _Seen, facing: int) -> _Solved:
         """From where the antennas were; over the whole map where that is not known, or where the way on may be elsewhere."""
         if self._segment is None:
-            return self._search(seen, epoch, facing)
-        sight = seen.sight if facing == 1 else None
-        found = solve_on_track(
-            *(seen.block, seen.states, self._paths[facing], self._segment, epoch.klobuchar, seen.sigma_m, seen.used, seen.system_of),
-            *(len(SYSTEMS), self._limits),
-            sight=sight,
-        )
+            return self._search(seen.ranges, facing)
+        found = solve_on_track(seen.ranges, self._paths[facing], self._segment, self._limits, seen.sight if facing == 1 else None)
         why = [Why(w) for w in found.why[0].tolist()]
         if any(w in ELSEWHERE for w in why):
-            return self._search(seen, epoch, facing)
+            return self._search(seen.ranges, facing)
         return _Solved(found, tuple("" if w is Why.SOLVED else WORDS[w] for w in why))
 
-    def _search(self, seen: _Seen, epoch: AlignedEpoch, facing: int) -> _Solved:
+    def _search(self, ranges: Ranges, facing: int) -> _Solved:
         """Each antenna over the whole map; then once more from where they were found, as from epoch to epoch."""
-        segment = np.zeros((1, len(epoch.rows)), dtype=np.int64)
+        segment = np.zeros((1, len(self._train.antennas)), dtype=np.int64)
         words: list[str] = []
         for r, paths in enumerate(self._single[facing]):
-            located = locate(
-                *(one_receiver(seen.block, r), seen.states, paths, epoch.klobuchar, seen.sigma_m[0, r], seen.used[0, r], seen.system_of),
-                *(len(SYSTEMS), self._limits),
-            )
+            located = locate(_of_antenna(ranges, r), paths, self._limits)
             if located.outcome is Search.LOCATED:
                 segment[0, r] = located.hypotheses[0].segment
             words.append(self._why_not(located, facing, r))
-        found = solve_on_track(
-            *(seen.block, seen.states, self._paths[facing], segment, epoch.klobuchar, seen.sigma_m, seen.used, seen.system_of),
-            *(len(SYSTEMS), self._limits),
-        )
+        found = solve_on_track(ranges, self._paths[facing], segment, self._limits)
         why = [word or WORDS.get(Why(w), "") for word, w in zip(words, found.why[0].tolist(), strict=True)]
         return _Solved(found, tuple(why))
 
@@ -262,26 +243,28 @@ class FixMaker:
     def _result(
         self, epoch_ns: int, seen: _Seen, solved: _Solved, places: Sequence[AntennaPlace], test: DistanceTest, front: FrontEnd | str
     ) -> Fix:
-        rear: Place | Unreachable | None = None
-        reasons: tuple[str, ...] = (front,) if isinstance(front, str) else ()
-        if isinstance(front, FrontEnd):
-            rear = shifted(self._track, front.place.edge_index, front.place.s_m, -front.facing * self._train.length_m)
-            reasons = (f"rear end: {rear.why}",) if isinstance(rear, Unreachable) else ()
-        there = isinstance(front, FrontEnd) and isinstance(rear, Place)
+        signals, used = seen.ranges.block.signals, seen.ranges.used.any(axis=(0, 1))
         distance_m = self._distance_m(places)
-        return Fix(
+        unplaced = Fix(
             gps_time_ns=epoch_ns,
-            front=self._map_place(front.place) if there and isinstance(front, FrontEnd) else None,
-            rear=self._map_place(rear) if there and isinstance(rear, Place) else None,
-            sigma_m=front.sigma_m if isinstance(front, FrontEnd) else None,
-            facing=front.facing if isinstance(front, FrontEnd) else 0,
+            front=None,
+            rear=None,
+            sigma_m=None,
+            facing=0,
             antennas=self._antenna_fixes(solved),
             distance_m=distance_m,
             distance_expected_m=None if distance_m is None else abs(self._train.antennas[-1].x_m - self._train.antennas[0].x_m),
-            used=tuple(seen.block.signals[s] for s in np.flatnonzero(seen.used.any(axis=(0, 1)))),
-            unused=tuple((s, why) for s, why in zip(seen.block.signals, seen.reasons, strict=True) if why),
-            reasons=reasons,
+            used=tuple(signals[s] for s in np.flatnonzero(used)),
+            unused=tuple((s, why) for s, why in zip(signals, seen.reasons, strict=True) if why),
+            reasons=(),
         )
+        if isinstance(front, str):
+            return replace(unplaced, reasons=(front,))
+        rear = shifted(self._track, front.place.edge_index, front.place.s_m, -front.facing * self._train.length_m)
+        if isinstance(rear, Unreachable):
+            return replace(unplaced, reasons=(f"rear end: {rear.why}",))
+        ends = self._map_place(front.place), self._map_place(rear)
+        return replace(unplaced, front=ends[0], rear=ends[1], sigma_m=front.sigma_m, facing=front.facing)
 
     def _distance_m(self, places: Sequence[AntennaPlace]) -> float | None:
         """Between the first and the last antenna as solved, along the track."""
@@ -327,10 +310,12 @@ def _refuse_turned_sides(train: TrainConfig, track: TrackMap) -> None:
         )
 
 
-def one_receiver(block: ObservationBlock, r: int) -> ObservationBlock:
-    """The block of receiver r alone."""
-    of_receiver = {name: getattr(block, name)[:, r : r + 1] for name in ("receive_time_ns", *ROW_ARRAYS)}
-    return replace(block, receivers=block.receivers[r : r + 1], **of_receiver)
+def _of_antenna(ranges: Ranges, r: int) -> Ranges:
+    """Of antenna r alone, one epoch: sigmas and what may be used (S,)."""
+    block = ranges.block
+    arrays = {name: getattr(block, name)[:, r : r + 1] for name in ("receive_time_ns", *ROW_ARRAYS)}
+    alone = replace(block, receivers=block.receivers[r : r + 1], **arrays)
+    return ranges._replace(block=alone, sigma_m=ranges.sigma_m[0, r], used=ranges.used[0, r])
 
 
 def _why_unused(

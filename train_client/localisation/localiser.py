@@ -246,7 +246,7 @@ class TrainLocaliser:
             return self._report(mono_ns, Status.UNKNOWN, fix.reasons, fix)
         if trust in DENIED:
             return self._report(mono_ns, Status.UNKNOWN, (f"trust is {trust.value}",), fix)
-        if not covered:
+        if trust is not TrustState.NORMAL or not covered:
             return self._report(mono_ns, Status.PROVISIONAL, (f"no NORMAL message covers this epoch; trust is {trust.value}",), fix)
         objection = self._progress.objection(fix)
         if objection:

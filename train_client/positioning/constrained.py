@@ -92,6 +92,19 @@ class Paths:
         freeze(self)
 
 
+class Ranges(NamedTuple):
+    """What antennas measured, and what is known of it: the block, `states` at `state_time_ns` of its epochs, broadcast ionosphere; sigmas
+    and which may be `used`, both broadcast to (E, R, S); `system_of` (S,) numbers the constellation, of `n_systems`."""
+
+    block: ObservationBlock
+    states: SatelliteStates
+    klobuchar: Klobuchar | None
+    sigma_m: Floats
+    used: Bools
+    system_of: Ints
+    n_systems: int
+
+
 class Followed(NamedTuple):
     """Where hopping ended (n,): a segment, numbered through, and the solution on it."""
 
@@ -114,25 +127,14 @@ def paths_of(loci: Sequence[Locus]) -> Paths:
     return Paths(tuple(loci), begins, points, joined("along_ecef"), joined("length_m"), numbered("before"), numbered("after"))
 
 
-def solve_on_track(
-    block: ObservationBlock,
-    states: SatelliteStates,
-    paths: Paths,
-    segment: Ints,
-    klobuchar: Klobuchar | None,
-    sigma_m: Floats,
-    used: Bools,
-    system_of: Ints,
-    n_systems: int,
-    limits: TrainLimits,
-    sight: Expected | None = None,
-) -> OnTrack:
-    """Places of a block's antennas, sought from `segment` (E, R) on; `states` at `state_time_ns` of the epochs.
+def solve_on_track(ranges: Ranges, paths: Paths, segment: Ints, limits: TrainLimits, sight: Expected | None = None) -> OnTrack:
+    """Places of a block's antennas, sought from `segment` (E, R) on.
 
     `sight` is what `sight_at` gives for these epochs and segments, where it was computed ahead; it changes no bit of the result.
-    sigma_m, used broadcast to (E, R, S); system_of (S,) numbers the constellation. Satellites below the mask are not used. First order
-    in the distance from the point of linearisation: below 1 mm. `sigma_m` of the result holds for the sigmas given.
+    Satellites below the mask are not used. First order in the distance from the point of linearisation: below 1 mm. `sigma_m` of the
+    result holds for the sigmas given.
     """
+    block, states, klobuchar, sigma_m, used, system_of, n_systems = ranges
 
     def near(at: Points, sight: Expected | None = None) -> Near:
         seen = compared(block, sight or expected(states, block.epoch_ns, at, klobuchar))

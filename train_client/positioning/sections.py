@@ -9,12 +9,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from integrity.gnss.atmosphere import Klobuchar
-from integrity.gnss.ephemeris import SatelliteStates
-from integrity.gnss.observations import BEYOND_MEASURE, Bools, Floats, Ints, ObservationBlock, slices
+from integrity.gnss.observations import BEYOND_MEASURE, Bools, Floats, Ints, slices
 from integrity.gnss.positioning import Points, Prefit, compared, expected
 from train_client.limits import TrainLimits
-from train_client.positioning.constrained import NO_CONVERGENCE, OnTrack, Paths, Why, solve_on_track
+from train_client.positioning.constrained import NO_CONVERGENCE, OnTrack, Paths, Ranges, Why, solve_on_track
 from train_client.positioning.line import Near, along, sums_of
 
 
@@ -70,22 +68,17 @@ def reference_satellite_score(residual_m: Floats, used: Bools, reference: int) -
 
 
 def search(
-    block: ObservationBlock,
-    states: SatelliteStates,
+    ranges: Ranges,
     paths: Paths,
-    klobuchar: Klobuchar | None,
-    sigma_m: Floats,
-    used: Bools,
-    system_of: Ints,
-    n_systems: int,
     limits: TrainLimits,
     among: Ints | None = None,
 ) -> Ints:
-    """Segments (M,) from which to solve one epoch of one antenna (a block, states and paths of one each), the best score first.
+    """Segments (M,) from which to solve one epoch of one antenna (ranges and paths of one each; sigma_m, used (S,)), the best score first.
 
-    sigma_m, used (S,). `among`: only where these segments begin. All local minima of the score are returned of which the line
+    `among`: only where these segments begin. All local minima of the score are returned of which the line
     through them leaves no more than the margin above the least score: what it leaves is a lower bound, the least score an upper one.
     """
+    block, states, klobuchar, sigma_m, used, system_of, n_systems = ranges
     segments = np.arange(len(paths.length_m)) if among is None else np.unique(among)
     if not len(segments):
         return segments
@@ -114,22 +107,16 @@ def search(
 
 
 def locate(
-    block: ObservationBlock,
-    states: SatelliteStates,
+    ranges: Ranges,
     paths: Paths,
-    klobuchar: Klobuchar | None,
-    sigma_m: Floats,
-    used: Bools,
-    system_of: Ints,
-    n_systems: int,
     limits: TrainLimits,
     among: Ints | None = None,
 ) -> Located:
     """The places of one epoch of one antenna that fit; arguments as of `search`. Beyond a switch, the branches have places of their own."""
-    candidates = search(block, states, paths, klobuchar, sigma_m, used, system_of, n_systems, limits, among)
+    candidates = search(ranges, paths, limits, among)
     if not len(candidates):
         return Located(Search.REFUSED, Why.NOT_ON_TRACK, ())
-    found = solve_on_track(block, states, paths, candidates[None], klobuchar, sigma_m, used, system_of, n_systems, limits)
+    found = solve_on_track(ranges, paths, candidates[None], limits)
     best_first = np.argsort(found.sse[0], kind="stable")
     solved = best_first[found.solved[0, best_first]]
     if not len(solved):

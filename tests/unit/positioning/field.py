@@ -10,14 +10,14 @@ import numpy as np
 from integrity.events import EphemerisReceived, IonosphereReceived, ObservationsReceived
 from integrity.gnss.atmosphere import Klobuchar
 from integrity.gnss.ephemeris import EphemerisStore, SatelliteStates, satellite_states
-from integrity.gnss.observations import Floats, Ints, ObservationBlock, build_block
+from integrity.gnss.observations import Bools, Floats, Ints, ObservationBlock, build_block
 from integrity.gnss.positioning import state_time_ns
 from integrity.gnss.signals import SYSTEMS, system_index
 from recordings.simulate.errors import ErrorModel
 from recordings.simulate.observations import Antenna, fixed, observed
 from train_client.config import AntennaConfig
 from train_client.limits import derive
-from train_client.positioning.constrained import OnTrack, Paths, paths_of, solve_on_track
+from train_client.positioning.constrained import OnTrack, Paths, Ranges, paths_of, solve_on_track
 from train_client.simulate.line import Line, Piece, Start, build_line
 from train_client.simulate.motion import Leg, Run, antennas_on, run_of
 from train_client.track.locus import locus_of
@@ -115,11 +115,14 @@ def heard_by(
     return Heard(block, states, klobuchar, system_of, front_m[:, None] + np.array([a.x_m for a in antennas]))
 
 
+def ranges_of(told: Heard, sigma_m: Floats, used: Bools, block: ObservationBlock | None = None) -> Ranges:
+    return Ranges(block or told.block, told.states, told.klobuchar, sigma_m, used, told.system_of, len(SYSTEMS))
+
+
 def solved(paths: Paths, told: Heard, segment: Ints, sigma_m: float = 0.3, block: ObservationBlock | None = None) -> OnTrack:
     everywhere = np.ones((1, 1, len(told.system_of)), dtype=np.bool_)
     sigma = np.full(everywhere.shape, sigma_m)
-    where = (block or told.block, told.states, paths, segment, told.klobuchar)
-    return solve_on_track(*where, sigma, everywhere, told.system_of, len(SYSTEMS), LIMITS)
+    return solve_on_track(ranges_of(told, sigma, everywhere, block), paths, segment, LIMITS)
 
 
 def segments_near(paths: Paths, s_m: Floats) -> Ints:

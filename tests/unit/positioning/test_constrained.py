@@ -22,6 +22,7 @@ from tests.unit.positioning.field import (
     map_points,
     map_s_m,
     paths_on,
+    ranges_of,
     segments_near,
     solved,
     track_of,
@@ -118,8 +119,7 @@ def test_a_sight_computed_ahead_changes_no_bit(paths: Paths, noisy: Heard) -> No
     begin = segments_near(paths, noisy.s_m)
     sight = sight_at(paths, begin, noisy.states, noisy.block.epoch_ns, noisy.klobuchar)
     used, sigma = np.ones((1, 1, len(noisy.system_of)), dtype=np.bool_), np.full((1, 1, 1), 0.3)
-    where = noisy.block, noisy.states, paths, begin, noisy.klobuchar
-    ahead = solve_on_track(*where, sigma, used, noisy.system_of, 2, LIMITS, sight)
+    ahead = solve_on_track(ranges_of(noisy, sigma, used), paths, begin, LIMITS, sight)
     assert ahead.d_m.tobytes() == solved(paths, noisy, begin).d_m.tobytes()
 
 
@@ -144,8 +144,7 @@ def test_nothing_but_bad_ranges_is_too_few(paths: Paths, noisy: Heard) -> None:
 
 def with_only(paths: Paths, told: Heard, names: tuple[str, ...]) -> OnTrack:
     used = np.isin(told.block.satellites, names)[None, None]
-    where = told.block, told.states, paths, segments_near(paths, told.s_m), told.klobuchar
-    return solve_on_track(*where, np.full(used.shape, 0.3), used, told.system_of, 2, LIMITS)
+    return solve_on_track(ranges_of(told, np.full(used.shape, 0.3), used), paths, segments_near(paths, told.s_m), LIMITS)
 
 
 def high(told: Heard, system: int) -> list[str]:
@@ -213,7 +212,7 @@ def test_the_limit_of_dilution_itself_passes_and_less_does_not(paths: Paths, noi
     most = float(solved(paths, one, begin).tpdop[0, 0])
     strict = replace(LIMITS, most_tpdop=most if ulps == 0 else float(np.nextafter(most, 0.0)))
     used, sigma = np.ones((1, 1, len(one.system_of)), dtype=np.bool_), np.full((1, 1, 1), 0.3)
-    found = solve_on_track(one.block, one.states, paths, begin, one.klobuchar, sigma, used, one.system_of, 2, strict)
+    found = solve_on_track(ranges_of(one, sigma, used), paths, begin, strict)
     assert found.why[0, 0] == (Why.POOR_GEOMETRY if ulps else Why.SOLVED)
 
 
@@ -221,8 +220,7 @@ def at_corner(aside_m: float, start: int) -> tuple[Paths, OnTrack]:
     """An antenna beside the corner, sought from one of its two segments; whatever squares are left."""
     paths, told = corner(aside_m)
     used, sigma = np.ones((1, 1, 1), dtype=np.bool_), np.full((1, 1, 1), 0.3)
-    where = told.block, told.states, paths, np.full(told.s_m.shape, start), told.klobuchar
-    return paths, solve_on_track(*where, sigma, used, told.system_of, 2, NO_LIMIT)
+    return paths, solve_on_track(ranges_of(told, sigma, used), paths, np.full(told.s_m.shape, start), NO_LIMIT)
 
 
 def test_at_the_outside_of_a_corner_it_stays_where_it_is_least_outside() -> None:

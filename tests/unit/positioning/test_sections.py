@@ -20,6 +20,7 @@ from tests.unit.positioning.field import (
     heard,
     map_points,
     paths_on,
+    ranges_of,
     track_of,
     whole_track,
 )
@@ -49,7 +50,7 @@ def looked(
     values = {f.name: getattr(one.block, f.name) for f in fields(ObservationBlock)}
     block = ObservationBlock(**(values | {"pseudorange_m": one.block.pseudorange_m + change_m}))
     used = np.isin(block.satellites, satellites) if satellites else np.ones(len(block.satellites), dtype=np.bool_)
-    return locate(block, one.states, paths, one.klobuchar, np.full(used.shape, 0.3), used, one.system_of, 2, limits)
+    return locate(ranges_of(one, np.full(used.shape, 0.3), used, block), paths, limits)
 
 
 def on_map(paths: Paths, found: Located) -> list[tuple[int, float]]:
@@ -70,8 +71,8 @@ def test_one_track_one_place(noisy: Heard) -> None:
 def test_a_search_among_wrong_segments_finds_nothing_there(noisy: Heard) -> None:
     paths, one = paths_on(whole_track(), ANTENNAS[:1]), cut(noisy, slice(0, 1))
     used = np.ones(len(one.system_of), dtype=np.bool_)
-    args = one.block, one.states, paths, one.klobuchar, np.full(used.shape, 0.3), used, one.system_of, 2, LIMITS
-    assert locate(*args, among=np.arange(100, 110)).outcome is Search.REFUSED
+    ranges = ranges_of(one, np.full(used.shape, 0.3), used)
+    assert locate(ranges, paths, LIMITS, among=np.arange(100, 110)).outcome is Search.REFUSED
 
 
 def test_parallel_tracks_half_a_metre_apart_are_both_told(noisy: Heard) -> None:
@@ -131,7 +132,7 @@ def test_two_satellites_locate_nothing(noisy: Heard) -> None:
 def candidates(paths: Paths, told: Heard) -> list[int]:
     one = cut(told, slice(0, 1))
     used = np.ones(len(one.system_of), dtype=np.bool_)
-    found = search(one.block, one.states, paths, one.klobuchar, np.full(used.shape, 0.3), used, one.system_of, 2, LIMITS)
+    found = search(ranges_of(one, np.full(used.shape, 0.3), used), paths, LIMITS)
     return [int(segment) for segment in found]
 
 
