@@ -230,9 +230,9 @@ def test_it_ends_after_so_many_messages(hub: Hub, key: Path) -> None:
         running.health(1)
         code = listener.process.wait(PATIENCE_S)
         lines = [listener.out.get(timeout=PATIENCE_S) for _ in range(3)]
-    assert (code, lines[0], lines[2][:56]) == (
+    assert (code, f"{SITE_ID} is there" in lines[:2], lines[2][:56]) == (  # presence and the first answer have no order between them
         0,
-        f"{SITE_ID} is there",
+        True,
         "2026-02-24T20:26:23Z  NORMAL             sequence 1  age",
     )
 

@@ -16,7 +16,7 @@ import pytest
 from integrity.events import RawBytes
 from station.configure import message_set
 from tests.e2e.commands import Ran, executed, five_mistakes, side_by_side, wayside, written
-from tests.e2e.field import SITE_ID, Field, free_port, make_field, measured, running_station, until
+from tests.e2e.field import SITE_ID, Field, free_ports, make_field, measured, running_station, until
 from tests.e2e.simulated_receiver import SimulatedReceiver, on_tcp
 
 START_WITHIN_S = 30.0
@@ -220,7 +220,7 @@ def test_receivers_are_configured_and_named(tmp_path: Path) -> None:
 
 
 def test_a_site_without_a_receiver_to_configure_is_a_matter_of_the_link(tmp_path: Path) -> None:
-    field = make_field(tmp_path, {name: f"udp://:{free_port()}" for name in "ABC"})
+    field = make_field(tmp_path, {name: f"udp://:{port}" for name, port in zip("ABC", free_ports(3), strict=True)})
     ran = wayside("station", "configure", field.site_file)
     assert ran.code == 5
     assert ran.err.splitlines()[-1].endswith("no receiver has a source that it can be configured by: expected serial:// or tcp://")
