@@ -12,7 +12,7 @@ from typing import Protocol
 
 from integrity.events import EphemerisReceived, Heard, InputLost, IonosphereReceived, ObservationsReceived, StatusReceived, Tick
 from integrity.gnss.atmosphere import Klobuchar
-from integrity.gnss.ephemeris import EphemerisStore
+from integrity.gnss.ephemeris.store import EphemerisStore
 from integrity.gnss.observations import ObservationRow, same_measurements
 from integrity.gnss.receiver_status import ReceiverStatus
 

@@ -11,7 +11,7 @@ from integrity.exclusion import SatelliteStatistics
 from integrity.gnss.least_squares import Design, Solution, design, solution
 from integrity.gnss.observations import Bools, Floats
 from integrity.gnss.positioning import Points, relinearised
-from integrity.gnss.signals import SYSTEMS
+from integrity.gnss.signals import TIME_SCALES
 from integrity.limits import Limits
 from integrity.monitors.residuals import ClockDesign, clock_design
 from integrity.monitors.streams import missing_satellites, second_worst
@@ -39,8 +39,8 @@ class Geometry(NamedTuple):
 
 def geometry_of(sky: Sky, used: Bools, promises: IntegrityConfig, triangle: ReferenceTriangle) -> Geometry:
     """The geometry of satellites, all of which every receiver measures."""
-    position = design(sky.expected.los_enu, sky.sigma_m[:, None, :], used[:, None, :], sky.system_of, len(SYSTEMS))
-    clocks = clock_design(sky.sigma_m, used, sky.system_of, len(SYSTEMS))
+    position = design(sky.expected.los_enu, sky.sigma_m[:, None, :], used[:, None, :], sky.system_of, len(TIME_SCALES))
+    clocks = clock_design(sky.sigma_m, used, sky.system_of, len(TIME_SCALES))
     return Geometry(sky, used, clocks, position, variances(position.cov_enu_m2, promises, triangle))
 
 

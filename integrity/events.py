@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 
 from integrity.gnss.atmosphere import Klobuchar
-from integrity.gnss.ephemeris import Ephemeris
+from integrity.gnss.ephemeris.broadcast import Ephemeris
 from integrity.gnss.observations import ObservationRow
 from integrity.gnss.receiver_status import ReceiverStatus
 

@@ -17,7 +17,7 @@ from integrity.events import (
     StatusReceived,
 )
 from integrity.gnss.atmosphere import Klobuchar
-from integrity.gnss.ephemeris import Ephemeris
+from integrity.gnss.ephemeris.broadcast import Ephemeris
 from integrity.gnss.gps_time import NS_PER_S
 from integrity.gnss.navigation.collector import NavigationCollector, Page
 from integrity.gnss.ubx.framing import Frame, Framer

@@ -9,10 +9,11 @@ from integrity.assembler import AlignedEpoch
 from integrity.config import SiteConfig
 from integrity.exclusion import SatelliteInputs
 from integrity.gnss.atmosphere import Klobuchar
-from integrity.gnss.ephemeris import Ephemerides, EphemerisStore, SatelliteStates, accuracy_m, satellite_states, usable
+from integrity.gnss.ephemeris.states import Ephemerides, SatelliteStates, accuracy_m, satellite_states, usable
+from integrity.gnss.ephemeris.store import EphemerisStore
 from integrity.gnss.observations import Bools, Floats, Ints, Layout, ObservationBlock, build_block, layout_of
 from integrity.gnss.positioning import Expected, Points, Prefit, compared, expected, range_sigma_m, state_time_ns
-from integrity.gnss.signals import SYSTEMS, system_index
+from integrity.gnss.signals import TIME_SCALES, time_scale_index
 from integrity.limits import Limits
 from integrity.monitors.residuals import without_lone_satellites
 
@@ -84,7 +85,7 @@ def sky_of(
         high=(seen.el_rad >= limits.loss_elevation_rad) & healthy[:, None, :],
         sigma_m=range_sigma_m(el_rad, promises.sigma_range_m, promises.sigma_range_low_m, accuracy_m(ephemerides, index)),
         sigma_differential_m=range_sigma_m(el_rad, promises.sigma_range_differential_m, promises.sigma_range_differential_low_m),
-        system_of=np.array([system_index(s) for s in satellites], dtype=np.int64),
+        system_of=np.array([time_scale_index(s) for s in satellites], dtype=np.int64),
     )
 
 
@@ -113,7 +114,7 @@ def observe(
         sigma_differential_m=sky.sigma_differential_m,
         screened=screen(block, at_points, sky.in_view, sky.system_of, limits),
         system_of=sky.system_of,
-        n_systems=len(SYSTEMS),
+        n_systems=len(TIME_SCALES),
     )
     return Sight(layout, block, sky, at_points, satellites)
 
@@ -131,4 +132,4 @@ def screen(block: ObservationBlock, at_points: Prefit, in_view: Bools, system_of
             first = s
         else:
             screened[:, s] &= ~screened[:, first:s].any(axis=1)
-    return without_lone_satellites(screened, system_of, len(SYSTEMS))
+    return without_lone_satellites(screened, system_of, len(TIME_SCALES))

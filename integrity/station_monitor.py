@@ -23,7 +23,8 @@ from integrity.checks import BlockChecks, Geometry, check, geometry_of
 from integrity.config import SiteConfig
 from integrity.events import Event
 from integrity.exclusion import Exclusion, SatelliteStatistics, Table, Walk, walk, without_channels
-from integrity.gnss.ephemeris import Ephemeris, EphemerisStore
+from integrity.gnss.ephemeris.broadcast import Ephemeris
+from integrity.gnss.ephemeris.store import EphemerisStore
 from integrity.gnss.observations import Bools, Layout
 from integrity.gnss.positioning import points_at
 from integrity.health import Health, after_epoch, after_silence

@@ -10,10 +10,10 @@ from pathlib import Path
 
 from integrity.events import EphemerisReceived, Event, IonosphereReceived, ObservationsReceived
 from integrity.gnss.atmosphere import Klobuchar
-from integrity.gnss.ephemeris import Ephemeris
+from integrity.gnss.ephemeris.broadcast import KeplerEphemeris
 from integrity.gnss.gps_time import GPS_EPOCH_UNIX_S, NS_PER_S, WEEK_NS, format_calendar
 from integrity.gnss.observations import ObservationRow
-from integrity.gnss.signals import SYSTEMS, satellite_of
+from integrity.gnss.signals import satellite_of
 
 LEAP_SECONDS = 18  # since 2017-01-01
 GALILEO_INAV_E1_AND_E5B = 517  # data sources of table A8: I/NAV E1-B and E5b-I, clock for E5b and E1
@@ -32,7 +32,7 @@ def observation_text(
         _labelled("simulated", "PGM / RUN BY / DATE"),
         _labelled(listed[0].receiver if listed else "", "MARKER NAME"),
         _labelled("".join(f"{x:14.4f}" for x in position_ecef_m), "APPROX POSITION XYZ"),
-        *(_labelled(f"{system}    4 C1C L1C D1C S1C", "SYS / # / OBS TYPES") for system in SYSTEMS),
+        *(_labelled(f"{system}    4 C1C L1C D1C S1C", "SYS / # / OBS TYPES") for system in "GE"),
         _labelled(f"{interval_s:10.3f}", "INTERVAL"),
         _labelled("".join(f"{v:6d}" for v in _parts(first_ns)[:5]) + f"{_parts(first_ns)[5]:5d}.0000000     GPS", "TIME OF FIRST OBS"),
         _labelled(f"{leap_seconds:6d}", "LEAP SECONDS"),
@@ -49,7 +49,7 @@ def epoch_lines(row: ObservationRow) -> list[str]:
     return [head, *(_record(row, i) for i in range(len(row.signals)))]
 
 
-def navigation_text(ephemerides: Iterable[Ephemeris], klobuchar: Klobuchar | None = None, leap_seconds: int = LEAP_SECONDS) -> str:
+def navigation_text(ephemerides: Iterable[KeplerEphemeris], klobuchar: Klobuchar | None = None, leap_seconds: int = LEAP_SECONDS) -> str:
     """Broadcast sets, in the order given, as a mixed navigation file."""
     terms = [] if klobuchar is None else [("GPSA", klobuchar.alpha), ("GPSB", klobuchar.beta)]
     header = [
@@ -66,11 +66,12 @@ def rows_of(events: Iterable[Event], receiver: str) -> list[ObservationRow]:
     return [e.row for e in events if isinstance(e, ObservationsReceived) and e.row.receiver == receiver]
 
 
-def navigation_of(events: Iterable[Event]) -> tuple[list[Ephemeris], Klobuchar | None]:
+def navigation_of(events: Iterable[Event]) -> tuple[list[KeplerEphemeris], Klobuchar | None]:
     """Ephemerides, and the ionosphere that came last."""
     listed = list(events)
     ionospheres = [e.klobuchar for e in listed if isinstance(e, IonosphereReceived)]
-    return [e.ephemeris for e in listed if isinstance(e, EphemerisReceived)], ionospheres[-1] if ionospheres else None
+    told = (e.ephemeris for e in listed if isinstance(e, EphemerisReceived))
+    return [eph for eph in told if isinstance(eph, KeplerEphemeris)], ionospheres[-1] if ionospheres else None
 
 
 def write_rinex(directory: Path, events: Sequence[Event], receivers: Sequence[str], interval_s: float = 1.0) -> dict[str, Path]:
@@ -96,12 +97,12 @@ def _observed(value: float) -> str:
     return BLANK if math.isnan(value) else f"{value:14.3f}  "
 
 
-def _record_of_ephemeris(eph: Ephemeris) -> list[str]:
+def _record_of_ephemeris(eph: KeplerEphemeris) -> list[str]:
     galileo = eph.satellite[0] == "E"
     toe_s, transmission_s = eph.toe_ns % WEEK_NS / NS_PER_S, eph.transmission_ns % WEEK_NS / NS_PER_S
     week, issue = float(eph.toe_ns // WEEK_NS), float(eph.issue)
     accuracy_m = -1.0 if eph.accuracy_m is None else eph.accuracy_m
-    delays = (0.0, eph.group_delay_s) if galileo else (eph.group_delay_s, issue)
+    delays = (eph.group_delay_2_s or 0.0, eph.group_delay_s) if galileo else (eph.group_delay_s, issue)
     orbits = [
         (issue, eph.crs, eph.delta_n, eph.m0),
         (eph.cuc, eph.e, eph.cus, eph.sqrt_a),

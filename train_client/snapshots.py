@@ -2,7 +2,7 @@
 
 from integrity.errors import DecodeError
 from integrity.messages import wayside_pb2 as pb
-from integrity.messages.inputs import decode_ephemeris, encode_ephemeris
+from integrity.messages.ephemerides import decode_ephemeris, encode_ephemeris
 from integrity.messages.snapshots import decode_snapshot as decode_station
 from integrity.messages.snapshots import encode_snapshot as encode_station
 from integrity.messages.verification import LastHealth, Tie, VerifierMemory

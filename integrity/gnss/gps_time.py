@@ -10,6 +10,8 @@ NS_PER_S = 1_000_000_000
 DAY_S = 86_400
 WEEK_S = 604_800
 WEEK_NS = WEEK_S * NS_PER_S
+BDT_BEHIND_GPS_NS = 14 * NS_PER_S  # BeiDou time: no leap seconds since 2006; BDS-SIS-ICD B1I 3.0, 3.3
+GLONASS_AHEAD_OF_UTC_NS = 3 * 3600 * NS_PER_S  # GLONASS ICD 5.1, 3.3.3
 GPS_EPOCH_UNIX_S = 315_964_800  # 1980-01-06T00:00:00 UTC
 
 # Each date is the first day on which GPS - UTC has the given value.

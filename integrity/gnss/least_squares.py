@@ -48,7 +48,7 @@ class Design(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Solution:
-    """Displacements from the points: `e_enu_m` and, in order of `SYSTEMS`, `clock_m`; (E, R, 3) and (E, R, K); NaN where unsolved.
+    """Displacements from the points: `e_enu_m` and, in order of `TIME_SCALES`, `clock_m`; (E, R, 3) and (E, R, K); NaN where unsolved.
 
     `cov_enu_m2` (E, R, 3, 3) is the covariance of the position when the sigmas are right, m2; `why` (E, R) holds `Unsolved`.
     """

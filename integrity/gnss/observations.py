@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from integrity.gnss.signals import SYSTEMS, preference, satellite_of
+from integrity.gnss.signals import MONITORED_CODES, Codes, preference, satellite_of
 
 Floats = NDArray[np.float64]
 Bools = NDArray[np.bool_]
@@ -112,15 +112,16 @@ class Layout(NamedTuple):
     columns: dict[tuple[str, ...], Ints]
 
 
-def layout_of(rows: Iterable[ObservationRow], more_signals: tuple[str, ...] = (), before: Layout | None = None) -> Layout:
-    """The layout of a block of rows; `more_signals` get a column even where no row has them. It is the one `before` where that serves.
-
-    Signals of other systems than `SYSTEMS` are passed over.
+def layout_of(
+    rows: Iterable[ObservationRow], more_signals: tuple[str, ...] = (), before: Layout | None = None, codes: Codes = MONITORED_CODES
+) -> Layout:
+    """The layout of a block of rows; `more_signals` get a column even where no row has them. It is the one `before` where that serves,
+    which must be of the same `codes`: other signals are passed over.
     """
     row_signals = tuple(dict.fromkeys(row.signals for row in rows))
     if before is not None and before.row_signals == row_signals and before.more_signals == more_signals:
         return before
-    seen = {s for signals in row_signals for s in signals if s[:1] in SYSTEMS}
+    seen = {s for signals in row_signals for s in signals if s.partition(".")[2] in codes.get(s[:1], ())}
     signals = tuple(sorted(seen | set(more_signals), key=preference))
     column_of = {signal: i for i, signal in enumerate(signals)}
     columns = {mine: np.array([column_of.get(s, len(signals)) for s in mine], dtype=np.int64) for mine in row_signals}

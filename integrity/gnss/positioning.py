@@ -20,7 +20,7 @@ from integrity.gnss.atmosphere import (
     troposphere_slope,
 )
 from integrity.gnss.constants import EARTH_ROTATION_RADPS, SPEED_OF_LIGHT_MPS
-from integrity.gnss.ephemeris import SatelliteStates
+from integrity.gnss.ephemeris.states import SatelliteStates
 from integrity.gnss.frames import enu_axes, geodetic_from_ecef
 from integrity.gnss.gps_time import NS_PER_S, WEEK_NS
 from integrity.gnss.least_squares import Design, Solution, Unsolved, design, solution, solve

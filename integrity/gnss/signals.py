@@ -1,15 +1,61 @@
 """Satellites and signals by name.
 
-A satellite is `G05` (system letter and number, as in RINEX 3). A signal is satellite and RINEX 3 observation code: `G05.1C`.
+A satellite is `G05` (system letter and number, as in RINEX 3). A signal is satellite and RINEX 3 observation code: `G05.1C`. The digit of
+the code is the band: BeiDou's B1I is `2I`. A pair of signals of one satellite combined into one range is `G05.1C+2W`.
+Sources: RINEX 3.05, tables 4 to 10; carrier frequencies as the interface documents of the systems have them.
 """
 
+from collections.abc import Mapping
 from functools import lru_cache
 
-SYSTEMS = ("G", "E")  # in the order of their clocks in every solution: GPS, Galileo
-SYSTEM_NAMES = {"G": "GPS", "E": "Galileo"}
+SYSTEM_NAMES = {"G": "GPS", "E": "Galileo", "C": "BeiDou", "R": "GLONASS", "J": "QZSS", "S": "SBAS"}
+SYSTEMS = tuple(SYSTEM_NAMES)
 
-# Civil L1 codes. One signal per satellite is used; of several that all receivers track, the first in this order.
-L1_CODES = {"G": ("1C",), "E": ("1C", "1X", "1B")}
+# Time scales: a solution has a clock for each, in this order. QZSS and SBAS keep GPS time, and receivers measure them like GPS.
+TIME_SCALES = ("G", "E", "C", "R")
+_TIME_SCALE_OF = {system: TIME_SCALES.index("G" if system in "JS" else system) for system in SYSTEMS}
+
+Codes = Mapping[str, tuple[str, ...]]  # by system letter; of several that all receivers track, the first in this order
+
+# Open signals that stand alone in a single-frequency solution: L1, E1, B1I, G1.
+FIRST_CODES: Codes = {
+    "G": ("1C",),
+    "E": ("1C", "1X", "1B"),
+    "C": ("2I",),
+    "R": ("1C",),
+    "J": ("1C",),
+    "S": ("1C",),
+}
+# What decisions are made of. GLONASS is not among them: receivers delay each of its channels differently, by metres that no message tells;
+# nor are the ranges of SBAS satellites, which are worse than those of the others.
+MONITORED_CODES: Codes = {system: FIRST_CODES[system] for system in "GECJ"}
+# What they are combined with: L2, E5b, B3I or B2I, G2: signals for which the broadcast clock is right (`ephemeris.broadcast`).
+SECOND_CODES: Codes = {
+    "G": ("2W", "2L", "2X", "2S", "2C", "2P"),
+    "E": ("7Q", "7X", "7I"),
+    "C": ("7I", "6I"),
+    "R": ("2C", "2P"),
+    "J": ("2L", "2X", "2S"),
+}
+
+L1_HZ = 1_575.42e6  # the frequency for which ionospheric models give their delay
+BAND_HZ = {
+    **dict.fromkeys(("G1", "E1", "J1", "S1", "C1"), L1_HZ),
+    **dict.fromkeys(("G2", "J2"), 1_227.60e6),
+    **dict.fromkeys(("G5", "E5", "J5", "S5", "C5"), 1_176.45e6),
+    **dict.fromkeys(("E6", "J6"), 1_278.75e6),
+    **dict.fromkeys(("E7", "C7"), 1_207.14e6),
+    **dict.fromkeys(("E8", "C8"), 1_191.795e6),
+    "C2": 1_561.098e6,
+    "C6": 1_268.52e6,
+    "R3": 1_202.025e6,
+}
+GLONASS_BAND_HZ = {"1": (1_602.0e6, 562.5e3), "2": (1_246.0e6, 437.5e3)}  # of channel 0, and between channels
+GLONASS_CHANNELS = range(-7, 7)
+
+# Bands in the order of the group delays of an ephemeris (`ephemeris.broadcast.group_delays_s`).
+DELAY_BANDS = {"G": "12", "J": "12", "E": "175", "C": "276", "R": "12", "S": "1"}
+UNKNOWN_BAND = -1
 
 
 def satellite_of(signal: str) -> str:
@@ -17,14 +63,29 @@ def satellite_of(signal: str) -> str:
     return signal.partition(".")[0]
 
 
-def system_index(satellite: str) -> int:
-    """Place of the satellite's system in `SYSTEMS`."""
-    return SYSTEMS.index(satellite[0])
+def time_scale_index(satellite: str) -> int:
+    """Place of the satellite's clock in `TIME_SCALES`."""
+    return _TIME_SCALE_OF[satellite[0]]
 
 
-@lru_cache(maxsize=1024)
+@lru_cache(maxsize=4096)
+def delay_band(signal: str) -> int:
+    """Place of the signal's group delay among those of its satellite's ephemeris; UNKNOWN_BAND where the broadcast message has none."""
+    return DELAY_BANDS.get(signal[:1], "").find(signal.partition(".")[2][:1])
+
+
+def carrier_hz(signal: str, channel: int | None = None) -> float | None:
+    """Carrier frequency; None where it is not known: a band that is no band of the system, GLONASS without its channel (-7 to 6)."""
+    system, band = signal[:1], signal.partition(".")[2][:1]
+    if system == "R" and band in GLONASS_BAND_HZ:
+        first_hz, step_hz = GLONASS_BAND_HZ[band]
+        return None if channel is None or channel not in GLONASS_CHANNELS else first_hz + channel * step_hz
+    return BAND_HZ.get(system + band)
+
+
+@lru_cache(maxsize=4096)
 def preference(signal: str) -> tuple[str, int, str]:
-    """Sort key: satellites by name, of each satellite the preferred signal first."""
+    """Sort key: satellites by name, of each satellite the signals of `FIRST_CODES` first, in that order."""
     satellite, _, code = signal.partition(".")
-    codes = L1_CODES.get(satellite[:1], ())
+    codes = FIRST_CODES.get(satellite[:1], ())
     return satellite, codes.index(code) if code in codes else len(codes), code

@@ -5,7 +5,6 @@ Decoding checks what the types cannot: lengths, names, finiteness of what must b
 
 import math
 import re
-from dataclasses import fields
 
 import numpy as np
 from google.protobuf.message import DecodeError as ProtobufError
@@ -14,12 +13,11 @@ from google.protobuf.message import Message
 from integrity.errors import DecodeError
 from integrity.events import EphemerisReceived, Event, InputLost, IonosphereReceived, ObservationsReceived, Tick
 from integrity.gnss.atmosphere import Klobuchar
-from integrity.gnss.ephemeris import Ephemeris
 from integrity.gnss.observations import ObservationRow
 from integrity.messages import wayside_pb2 as pb
+from integrity.messages.ephemerides import decode_ephemeris, encode_ephemeris
 
 SIGNAL = re.compile(r"[A-Z]\d\d\.\d[A-Z]")
-_EPHEMERIS_FIELDS = tuple(f.name for f in fields(Ephemeris))
 
 
 Recorded = InputLost | ObservationsReceived | EphemerisReceived | IonosphereReceived | Tick
@@ -103,19 +101,6 @@ def decode_row(message: pb.Observations) -> ObservationRow:
         )
     except ValueError as error:
         raise DecodeError(f"observations of receiver {message.receiver!r}: {error}") from None
-
-
-def encode_ephemeris(ephemeris: Ephemeris, mono_ns: int) -> pb.Ephemeris:
-    """One broadcast set."""
-    return pb.Ephemeris(mono_ns=mono_ns, **{name: getattr(ephemeris, name) for name in _EPHEMERIS_FIELDS})
-
-
-def decode_ephemeris(message: pb.Ephemeris) -> Ephemeris:
-    """One broadcast set, as it was; whether it is plausible is decided by who uses it."""
-    values = {name: getattr(message, name) for name in _EPHEMERIS_FIELDS}
-    if not message.HasField("accuracy_m"):
-        values["accuracy_m"] = None
-    return Ephemeris(**values)
 
 
 def encode_ionosphere(klobuchar: Klobuchar, mono_ns: int) -> pb.Ionosphere:

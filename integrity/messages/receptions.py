@@ -6,7 +6,7 @@ from integrity.errors import DecodeError
 from integrity.gnss.navigation.collector import Page
 from integrity.gnss.receiver_status import Antenna, Jamming, ReceiverStatus, Spoofing
 from integrity.messages import wayside_pb2 as pb
-from integrity.messages.inputs import decode_ephemeris, encode_ephemeris
+from integrity.messages.ephemerides import decode_ephemeris, encode_ephemeris
 from integrity.reception import ReceptionMemory
 
 _PLAIN = ("model", "fix_ok", "lat_rad", "lon_rad", "height_m", "agc")

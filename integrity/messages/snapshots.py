@@ -10,11 +10,10 @@ from integrity.exclusion import Exclusion
 from integrity.gnss.observations import Floats, Ints
 from integrity.health import Health
 from integrity.messages import wayside_pb2 as pb
+from integrity.messages.ephemerides import decode_ephemeris, encode_ephemeris
 from integrity.messages.inputs import (
-    decode_ephemeris,
     decode_ionosphere,
     decode_row,
-    encode_ephemeris,
     encode_ionosphere,
     encode_row,
 )

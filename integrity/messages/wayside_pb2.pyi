@@ -8,12 +8,18 @@ AMBIGUOUS: Cause
 CAUSE_UNSPECIFIED: Cause
 CLOCK: Cause
 CONSTELLATION: Cause
+D1: NavigationMessage
+D2: NavigationMessage
 DATA: Cause
 DESCRIPTOR: _descriptor.FileDescriptor
 DIVERGED: Unsolved
 FAIL: Outcome
+FNAV: NavigationMessage
+INAV: NavigationMessage
 JAMMING: Cause
+LNAV: NavigationMessage
 MAINTENANCE: Cause
+NAVIGATION_MESSAGE_UNSPECIFIED: NavigationMessage
 NORMAL: State
 NOT_CONFIRMABLE: State
 NOT_MONITORED: Outcome
@@ -151,7 +157,7 @@ class ClockTie(_message.Message):
     def __init__(self, boot_id: _Optional[bytes] = ..., sent_mono_ns: _Optional[int] = ..., received_mono_ns: _Optional[int] = ..., issued_mono_ns: _Optional[int] = ...) -> None: ...
 
 class Ephemeris(_message.Message):
-    __slots__ = ["accuracy_m", "af0", "af1", "af2", "cic", "cis", "crc", "crs", "cuc", "cus", "delta_n", "e", "fit_half_s", "group_delay_s", "healthy", "i0", "i_dot", "issue", "m0", "mono_ns", "omega", "omega0", "omega_dot", "satellite", "sqrt_a", "toc_ns", "toe_ns", "transmission_ns"]
+    __slots__ = ["accuracy_m", "af0", "af1", "af2", "cic", "cis", "crc", "crs", "cuc", "cus", "delta_n", "e", "fit_half_s", "geo", "glonass", "group_delay_2_s", "group_delay_s", "healthy", "i0", "i_dot", "issue", "m0", "message", "mono_ns", "omega", "omega0", "omega_dot", "satellite", "sqrt_a", "toc_ns", "toe_ns", "transmission_ns"]
     ACCURACY_M_FIELD_NUMBER: _ClassVar[int]
     AF0_FIELD_NUMBER: _ClassVar[int]
     AF1_FIELD_NUMBER: _ClassVar[int]
@@ -165,12 +171,16 @@ class Ephemeris(_message.Message):
     DELTA_N_FIELD_NUMBER: _ClassVar[int]
     E_FIELD_NUMBER: _ClassVar[int]
     FIT_HALF_S_FIELD_NUMBER: _ClassVar[int]
+    GEO_FIELD_NUMBER: _ClassVar[int]
+    GLONASS_FIELD_NUMBER: _ClassVar[int]
+    GROUP_DELAY_2_S_FIELD_NUMBER: _ClassVar[int]
     GROUP_DELAY_S_FIELD_NUMBER: _ClassVar[int]
     HEALTHY_FIELD_NUMBER: _ClassVar[int]
     I0_FIELD_NUMBER: _ClassVar[int]
     ISSUE_FIELD_NUMBER: _ClassVar[int]
     I_DOT_FIELD_NUMBER: _ClassVar[int]
     M0_FIELD_NUMBER: _ClassVar[int]
+    MESSAGE_FIELD_NUMBER: _ClassVar[int]
     MONO_NS_FIELD_NUMBER: _ClassVar[int]
     OMEGA0_FIELD_NUMBER: _ClassVar[int]
     OMEGA_DOT_FIELD_NUMBER: _ClassVar[int]
@@ -193,12 +203,16 @@ class Ephemeris(_message.Message):
     delta_n: float
     e: float
     fit_half_s: float
+    geo: GeoOrbit
+    glonass: GlonassOrbit
+    group_delay_2_s: float
     group_delay_s: float
     healthy: bool
     i0: float
     i_dot: float
     issue: int
     m0: float
+    message: NavigationMessage
     mono_ns: int
     omega: float
     omega0: float
@@ -208,7 +222,7 @@ class Ephemeris(_message.Message):
     toc_ns: int
     toe_ns: int
     transmission_ns: int
-    def __init__(self, mono_ns: _Optional[int] = ..., satellite: _Optional[str] = ..., issue: _Optional[int] = ..., healthy: bool = ..., accuracy_m: _Optional[float] = ..., transmission_ns: _Optional[int] = ..., toe_ns: _Optional[int] = ..., toc_ns: _Optional[int] = ..., fit_half_s: _Optional[float] = ..., sqrt_a: _Optional[float] = ..., e: _Optional[float] = ..., i0: _Optional[float] = ..., omega0: _Optional[float] = ..., omega: _Optional[float] = ..., m0: _Optional[float] = ..., delta_n: _Optional[float] = ..., i_dot: _Optional[float] = ..., omega_dot: _Optional[float] = ..., cuc: _Optional[float] = ..., cus: _Optional[float] = ..., crc: _Optional[float] = ..., crs: _Optional[float] = ..., cic: _Optional[float] = ..., cis: _Optional[float] = ..., af0: _Optional[float] = ..., af1: _Optional[float] = ..., af2: _Optional[float] = ..., group_delay_s: _Optional[float] = ...) -> None: ...
+    def __init__(self, mono_ns: _Optional[int] = ..., satellite: _Optional[str] = ..., issue: _Optional[int] = ..., healthy: bool = ..., accuracy_m: _Optional[float] = ..., transmission_ns: _Optional[int] = ..., toe_ns: _Optional[int] = ..., toc_ns: _Optional[int] = ..., fit_half_s: _Optional[float] = ..., sqrt_a: _Optional[float] = ..., e: _Optional[float] = ..., i0: _Optional[float] = ..., omega0: _Optional[float] = ..., omega: _Optional[float] = ..., m0: _Optional[float] = ..., delta_n: _Optional[float] = ..., i_dot: _Optional[float] = ..., omega_dot: _Optional[float] = ..., cuc: _Optional[float] = ..., cus: _Optional[float] = ..., crc: _Optional[float] = ..., crs: _Optional[float] = ..., cic: _Optional[float] = ..., cis: _Optional[float] = ..., af0: _Optional[float] = ..., af1: _Optional[float] = ..., af2: _Optional[float] = ..., group_delay_s: _Optional[float] = ..., message: _Optional[_Union[NavigationMessage, str]] = ..., group_delay_2_s: _Optional[float] = ..., glonass: _Optional[_Union[GlonassOrbit, _Mapping]] = ..., geo: _Optional[_Union[GeoOrbit, _Mapping]] = ...) -> None: ...
 
 class EpochReport(_message.Message):
     __slots__ = ["cause", "channels", "check", "checks", "exclusions", "gps_time_ns", "mono_ns", "reasons", "residuals", "state", "statistic", "subjects", "threshold", "triangle", "triangle_alone", "verdict_cause", "verdict_state", "verdict_subjects"]
@@ -267,6 +281,62 @@ class Exclusion(_message.Message):
     statistic: float
     threshold: float
     def __init__(self, satellite: _Optional[str] = ..., since_ns: _Optional[int] = ..., check: _Optional[str] = ..., statistic: _Optional[float] = ..., threshold: _Optional[float] = ..., clean_since_ns: _Optional[int] = ..., clean_epochs: _Optional[int] = ...) -> None: ...
+
+class GeoOrbit(_message.Message):
+    __slots__ = ["af0", "af1", "ax_mps2", "ay_mps2", "az_mps2", "vx_mps", "vy_mps", "vz_mps", "x_m", "y_m", "z_m"]
+    AF0_FIELD_NUMBER: _ClassVar[int]
+    AF1_FIELD_NUMBER: _ClassVar[int]
+    AX_MPS2_FIELD_NUMBER: _ClassVar[int]
+    AY_MPS2_FIELD_NUMBER: _ClassVar[int]
+    AZ_MPS2_FIELD_NUMBER: _ClassVar[int]
+    VX_MPS_FIELD_NUMBER: _ClassVar[int]
+    VY_MPS_FIELD_NUMBER: _ClassVar[int]
+    VZ_MPS_FIELD_NUMBER: _ClassVar[int]
+    X_M_FIELD_NUMBER: _ClassVar[int]
+    Y_M_FIELD_NUMBER: _ClassVar[int]
+    Z_M_FIELD_NUMBER: _ClassVar[int]
+    af0: float
+    af1: float
+    ax_mps2: float
+    ay_mps2: float
+    az_mps2: float
+    vx_mps: float
+    vy_mps: float
+    vz_mps: float
+    x_m: float
+    y_m: float
+    z_m: float
+    def __init__(self, x_m: _Optional[float] = ..., y_m: _Optional[float] = ..., z_m: _Optional[float] = ..., vx_mps: _Optional[float] = ..., vy_mps: _Optional[float] = ..., vz_mps: _Optional[float] = ..., ax_mps2: _Optional[float] = ..., ay_mps2: _Optional[float] = ..., az_mps2: _Optional[float] = ..., af0: _Optional[float] = ..., af1: _Optional[float] = ...) -> None: ...
+
+class GlonassOrbit(_message.Message):
+    __slots__ = ["ax_mps2", "ay_mps2", "az_mps2", "channel", "delta_tau_n_s", "gamma_n", "tau_n_s", "vx_mps", "vy_mps", "vz_mps", "x_m", "y_m", "z_m"]
+    AX_MPS2_FIELD_NUMBER: _ClassVar[int]
+    AY_MPS2_FIELD_NUMBER: _ClassVar[int]
+    AZ_MPS2_FIELD_NUMBER: _ClassVar[int]
+    CHANNEL_FIELD_NUMBER: _ClassVar[int]
+    DELTA_TAU_N_S_FIELD_NUMBER: _ClassVar[int]
+    GAMMA_N_FIELD_NUMBER: _ClassVar[int]
+    TAU_N_S_FIELD_NUMBER: _ClassVar[int]
+    VX_MPS_FIELD_NUMBER: _ClassVar[int]
+    VY_MPS_FIELD_NUMBER: _ClassVar[int]
+    VZ_MPS_FIELD_NUMBER: _ClassVar[int]
+    X_M_FIELD_NUMBER: _ClassVar[int]
+    Y_M_FIELD_NUMBER: _ClassVar[int]
+    Z_M_FIELD_NUMBER: _ClassVar[int]
+    ax_mps2: float
+    ay_mps2: float
+    az_mps2: float
+    channel: int
+    delta_tau_n_s: float
+    gamma_n: float
+    tau_n_s: float
+    vx_mps: float
+    vy_mps: float
+    vz_mps: float
+    x_m: float
+    y_m: float
+    z_m: float
+    def __init__(self, channel: _Optional[int] = ..., x_m: _Optional[float] = ..., y_m: _Optional[float] = ..., z_m: _Optional[float] = ..., vx_mps: _Optional[float] = ..., vy_mps: _Optional[float] = ..., vz_mps: _Optional[float] = ..., ax_mps2: _Optional[float] = ..., ay_mps2: _Optional[float] = ..., az_mps2: _Optional[float] = ..., tau_n_s: _Optional[float] = ..., gamma_n: _Optional[float] = ..., delta_tau_n_s: _Optional[float] = ...) -> None: ...
 
 class Health(_message.Message):
     __slots__ = ["boot_id", "cause", "config_sha256", "covers_from_gps_ns", "covers_to_gps_ns", "excluded_satellites", "gps_time_ns", "issued_mono_ns", "monitored", "not_monitored", "reasons", "sequence", "site", "software", "state", "subjects", "utc_ns", "valid_for_ms"]
@@ -847,6 +917,9 @@ class Cause(int, metaclass=_enum_type_wrapper.EnumTypeWrapper):
     __slots__ = []
 
 class Outcome(int, metaclass=_enum_type_wrapper.EnumTypeWrapper):
+    __slots__ = []
+
+class NavigationMessage(int, metaclass=_enum_type_wrapper.EnumTypeWrapper):
     __slots__ = []
 
 class Unsolved(int, metaclass=_enum_type_wrapper.EnumTypeWrapper):

@@ -10,7 +10,8 @@ import numpy as np
 from integrity.errors import ConfigError
 from integrity.events import EphemerisReceived, Event
 from integrity.gnss.constants import EARTH_ROTATION_RADPS, GALILEO_MU_M3PS2, GPS_MU_M3PS2
-from integrity.gnss.ephemeris import Ephemeris, satellite_states
+from integrity.gnss.ephemeris.broadcast import KeplerEphemeris
+from integrity.gnss.ephemeris.states import satellite_states
 from recordings.faults.kinds import WrongEphemeris
 from recordings.faults.scenario import Fault
 from recordings.faults.truth import RecordedRow, Truth
@@ -26,7 +27,7 @@ class NavigationEdits:
     instead: dict[int, Event] = field(default_factory=dict)
 
 
-def displaced(true: Ephemeris, offset_m: float, direction: Literal["along", "cross", "radial"], gps_ns: int) -> Ephemeris:
+def displaced(true: KeplerEphemeris, offset_m: float, direction: Literal["along", "cross", "radial"], gps_ns: int) -> KeplerEphemeris:
     """The ephemeris with its orbit displaced by `offset_m` at a GPS time: in the direction of flight, along the orbit's normal, or up.
 
     Along and up the displacement stays within 1 % for an hour at e < 0.02, across it turns with the satellite: cos(30 deg) of it is left
@@ -72,7 +73,7 @@ def wrong_navigation(
     newest = true
     for place, event in told.items():
         during = hit[0].place <= place and (after is None or place < after.place)
-        if during and event.ephemeris.satellite == effect.satellite:
+        if during and isinstance(event.ephemeris, KeplerEphemeris) and event.ephemeris.satellite == effect.satellite:
             displaced_too = wrong_orbit(fault, effect, event.ephemeris, max(sent_ns, event.ephemeris.transmission_ns))
             edits.instead[place] = replace(event, ephemeris=displaced_too)
             newest = max(newest, event.ephemeris, key=lambda e: (e.transmission_ns, e.toe_ns, e.issue))
@@ -82,15 +83,18 @@ def wrong_navigation(
     return edits
 
 
-def serving(fault: Fault, effect: WrongEphemeris, truth: Truth, first: RecordedRow) -> Ephemeris:
+def serving(fault: Fault, effect: WrongEphemeris, truth: Truth, first: RecordedRow) -> KeplerEphemeris:
     """The ephemeris in use when the fault starts; ConfigError where there is none."""
     index = int(truth.store.choose([effect.satellite], np.array([first.epoch_ns]), np.array([first.arrived]))[0, 0])
     if index < 0:
         raise ConfigError(f"{fault}: no ephemeris of {effect.satellite} had arrived by then; choose a later start or another satellite")
-    return truth.store.ephemerides[index]
+    ephemeris = truth.store.ephemerides[index]
+    if not isinstance(ephemeris, KeplerEphemeris):
+        raise ConfigError(f"{fault}: {effect.satellite} sends no orbital elements to be changed; choose a satellite of GPS or Galileo")
+    return ephemeris
 
 
-def wrong_orbit(fault: Fault, effect: WrongEphemeris, true: Ephemeris, gps_ns: int) -> Ephemeris:
+def wrong_orbit(fault: Fault, effect: WrongEphemeris, true: KeplerEphemeris, gps_ns: int) -> KeplerEphemeris:
     """The ephemeris displaced as the fault says at a GPS time; ConfigError where that is no orbit.
 
     Its issue is half of all issues away from the true one, and so from those before and after it: no receiver joins pages of both.

@@ -9,11 +9,11 @@ from dataclasses import replace
 
 import numpy as np
 
-from integrity.gnss.constants import L1_HZ, SPEED_OF_LIGHT_MPS
+from integrity.gnss.constants import SPEED_OF_LIGHT_MPS
 from integrity.gnss.gps_time import NS_PER_S
 from integrity.gnss.observations import Bools, Floats, ObservationRow
 from integrity.gnss.positioning import Points, points_at
-from integrity.gnss.signals import satellite_of
+from integrity.gnss.signals import L1_HZ, satellite_of
 from recordings.faults.kinds import RangeEffect, ReceiverRamp, SatelliteRamp, SatelliteStep, Spoofing
 from recordings.faults.scenario import Fault
 from recordings.faults.truth import RangeChange, RecordedRow, Truth, range_changes, runs, surveyed

@@ -12,7 +12,8 @@ from integrity.config import SiteConfig
 from integrity.events import EphemerisReceived, Heard, IonosphereReceived, ObservationsReceived
 from integrity.gnss.atmosphere import Klobuchar
 from integrity.gnss.constants import SPEED_OF_LIGHT_MPS
-from integrity.gnss.ephemeris import EphemerisStore, SatelliteStates, satellite_states
+from integrity.gnss.ephemeris.states import SatelliteStates, satellite_states
+from integrity.gnss.ephemeris.store import EphemerisStore
 from integrity.gnss.gps_time import NS_PER_S
 from integrity.gnss.observations import Floats, Ints, ObservationBlock, ObservationRow, build_block
 from integrity.gnss.positioning import TRAVEL_TIME_NS, Points, points_at, prefit, state_time_ns

@@ -11,7 +11,7 @@ from functools import cache
 from typing import NamedTuple
 
 from integrity.errors import ConfigError
-from integrity.gnss.ephemeris import Ephemeris
+from integrity.gnss.ephemeris.broadcast import KeplerEphemeris
 from integrity.gnss.gps_time import NS_PER_S, WEEK_NS
 from integrity.gnss.navigation import inav, lnav
 from integrity.gnss.navigation.bits import Layout, nearest_ns
@@ -61,15 +61,15 @@ def wrong_words(fault: Fault, effect: WrongEphemeris, truth: Truth, words: Seque
             yield frame, frame.payload[:HEADER_BYTES] + _wrong_page(fault, said, page, *pair)
 
 
-def _wrong_sets(fault: Fault, effect: WrongEphemeris, truth: Truth) -> Callable[[int, int], tuple[Ephemeris, Ephemeris] | None]:
+def _wrong_sets(fault: Fault, effect: WrongEphemeris, truth: Truth) -> Callable[[int, int], tuple[KeplerEphemeris, KeplerEphemeris] | None]:
     """From an issue and a time to the set of that issue nearest to it, and the same displaced."""
-    sets = [eph for eph in truth.store.ephemerides if eph.satellite == effect.satellite]
+    sets = [eph for eph in truth.store.ephemerides if isinstance(eph, KeplerEphemeris) and eph.satellite == effect.satellite]
 
     @cache
-    def displaced_of(true: Ephemeris) -> Ephemeris:
+    def displaced_of(true: KeplerEphemeris) -> KeplerEphemeris:
         return wrong_orbit(fault, effect, true, max(fault.start_ns, true.transmission_ns))
 
-    def pair(issue: int, near_ns: int) -> tuple[Ephemeris, Ephemeris] | None:
+    def pair(issue: int, near_ns: int) -> tuple[KeplerEphemeris, KeplerEphemeris] | None:
         same = [eph for eph in sets if eph.issue == issue]
         if not same:
             return None
@@ -98,7 +98,7 @@ def _begun_ns(said: NavigationWords, page: _Message, near_ns: int) -> int:
     return nearest_ns(count * lnav.SUBFRAME_S * NS_PER_S, near_ns, WEEK_NS)
 
 
-def _wrong_page(fault: Fault, said: NavigationWords, page: _Message, true: Ephemeris, wrong: Ephemeris) -> bytes:
+def _wrong_page(fault: Fault, said: NavigationWords, page: _Message, true: KeplerEphemeris, wrong: KeplerEphemeris) -> bytes:
     """The words of a page of a true set as those of the wrong one, as they stand in RXM-SFRBX."""
     values: dict[str, float] = {page.issue_field: page.issue - page.issue % ISSUES[said.satellite[0]] + wrong.issue}
     for name in ORBIT:

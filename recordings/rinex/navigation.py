@@ -13,11 +13,10 @@ from itertools import pairwise
 from pathlib import Path
 
 from integrity.gnss.atmosphere import Klobuchar
-from integrity.gnss.ephemeris import Ephemeris
+from integrity.gnss.ephemeris.broadcast import Ephemeris, KeplerEphemeris
 from integrity.gnss.gps_time import DAY_S, NS_PER_S, WEEK_NS, WEEK_S
 from integrity.gnss.navigation import inav, lnav
 from integrity.gnss.navigation.bits import nearest_ns
-from integrity.gnss.signals import SYSTEMS
 from recordings.rinex.text import Header, RinexText, calendar_ns, read_header, read_text, real, reals
 
 VERSIONS = ((2.00, 2.12), (3.00, 3.05))
@@ -93,7 +92,7 @@ def _read_ephemerides(text: RinexText, header: Header, problems: Counter[str]) -
         record, surplus = lines[start : min(stop, start + RECORD_LINES)], lines[start + RECORD_LINES : stop]
         if surplus:
             problems["record longer than it should be"] += 1
-        if header.version >= 3 and record[0][0] not in SYSTEMS:
+        if header.version >= 3 and record[0][0] not in "GE":
             continue
         if len(record) < RECORD_LINES:
             problems["record cut off"] += 1
@@ -133,8 +132,9 @@ def _ephemeris(record: Sequence[str], version: float) -> Ephemeris | str:
         return "Galileo F/NAV, not used for E1"
     # The week next to the epoch, which the week field repeats: some files have it modulo 1024, or that of the transmission.
     toe_ns = nearest_ns(round(toe_s * NS_PER_S), toc_ns, WEEK_NS)
-    ephemeris = Ephemeris(
+    ephemeris = KeplerEphemeris(
         satellite=satellite.replace(" ", "0"),
+        message="INAV" if galileo else "LNAV",
         issue=int(issue),
         healthy=not int(health) & GALILEO_E1_UNHEALTHY if galileo else health == 0.0,
         accuracy_m=_sisa_m(accuracy) if galileo else _ura_m(accuracy),
@@ -161,6 +161,7 @@ def _ephemeris(record: Sequence[str], version: float) -> Ephemeris | str:
         af1=af1,
         af2=af2,
         group_delay_s=second if galileo else first_delay_s,
+        group_delay_2_s=first_delay_s if galileo else None,
     )
     return ephemeris.implausibility() or ephemeris
 

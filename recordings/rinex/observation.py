@@ -16,7 +16,7 @@ from typing import NamedTuple
 import numpy as np
 
 from integrity.gnss.observations import ObservationRow
-from integrity.gnss.signals import L1_CODES, SYSTEMS
+from integrity.gnss.signals import FIRST_CODES
 from recordings.rinex.text import Header, HeaderLine, RinexText, broken, calendar_ns, header_lines, read_header, read_text, real
 
 VERSIONS = ((2.10, 2.12), (3.00, 3.05), (4.00, 4.02))
@@ -117,7 +117,7 @@ def _observation_types(text: RinexText, lines: Iterable[HeaderLine], version: fl
     promised: dict[str, tuple[str, int]] = {}
     system = ""
     for number, label, content in lines:
-        if label == "SYS / SCALE FACTOR" and content[0] in SYSTEMS and content[2:6].strip() not in ("", "1"):
+        if label == "SYS / SCALE FACTOR" and content[0] in "GE" and content[2:6].strip() not in ("", "1"):
             found = f"scale factor {content[2:6].strip()}"
             raise broken(text.path, number, found, "observations stored unscaled", "convert the file to one without scale factors")
         if label != ("# / TYPES OF OBSERV" if version < 3 else "SYS / # / OBS TYPES"):
@@ -143,10 +143,10 @@ def _observation_types(text: RinexText, lines: Iterable[HeaderLine], version: fl
 def _layout(types: Mapping[str, Sequence[str]], version: float) -> _Layout:
     """Columns of the L1 and E1 signals in a satellite's record, RINEX 2 continuation lines joined at 80 columns."""
     layout: dict[str, list[_Columns]] = {}
-    for system in SYSTEMS:
+    for system in "GE":
         start, listed = (0, types[""]) if version < 3 else (3, types.get(system, ()))
         column_of = {name: start + 16 * k for k, name in enumerate(listed)}
-        for code in L1_CODES[system]:
+        for code in FIRST_CODES[system]:
             names = RINEX2_TYPES.get(code) if version < 3 else tuple(kind + code for kind in "CLDS")
             if names and names[0] in column_of:
                 layout.setdefault(system, []).append(_Columns(code, *(column_of.get(name, _ABSENT) for name in names)))

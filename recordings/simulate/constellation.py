@@ -14,7 +14,7 @@ from typing import NamedTuple
 
 from integrity.gnss.atmosphere import Klobuchar
 from integrity.gnss.constants import EARTH_ROTATION_RADPS, GALILEO_MU_M3PS2, GPS_MU_M3PS2
-from integrity.gnss.ephemeris import Ephemeris
+from integrity.gnss.ephemeris.broadcast import KeplerEphemeris
 from integrity.gnss.gps_time import NS_PER_S, WEEK_NS
 from recordings.simulate.errors import generator
 
@@ -34,7 +34,7 @@ ORBIT_RESOLUTION = {  # of both systems
 }
 CLOCK_RESOLUTION = {
     "G": {"af0": 2.0**-31, "af1": 2.0**-43, "group_delay_s": 2.0**-31},
-    "E": {"af0": 2.0**-34, "af1": 2.0**-46, "group_delay_s": 2.0**-32},
+    "E": {"af0": 2.0**-34, "af1": 2.0**-46, "group_delay_s": 2.0**-32, "group_delay_2_s": 2.0**-32},
 }
 
 
@@ -61,7 +61,7 @@ GALILEO_SATELLITES, GALILEO_PLANES, GALILEO_PHASING = 24, 3, 1
 GALILEO_A_M, GALILEO_INCLINATION_RAD = 29_600_300.0, math.radians(56.0)
 
 
-def constellation(seed: int, start_ns: int, end_ns: int) -> tuple[Ephemeris, ...]:
+def constellation(seed: int, start_ns: int, end_ns: int) -> tuple[KeplerEphemeris, ...]:
     """The sets in force at the GPS time `start_ns` and those transmitted from then to `end_ns`, in the order of their transmission."""
     week_ns = start_ns // WEEK_NS * WEEK_NS
     sets = [
@@ -72,7 +72,7 @@ def constellation(seed: int, start_ns: int, end_ns: int) -> tuple[Ephemeris, ...
     return tuple(sorted(sets, key=lambda eph: (eph.transmission_ns, eph.satellite)))
 
 
-def carried(reference: Ephemeris, toe_ns: int) -> Ephemeris:
+def carried(reference: KeplerEphemeris, toe_ns: int) -> KeplerEphemeris:
     """The orbit and clock of a set described at another reference time, on the grid of the format.
 
     Mean anomaly, node, inclination and clock move; the argument of perigee and the harmonic terms have no rate in the broadcast model.
@@ -97,7 +97,7 @@ def carried(reference: Ephemeris, toe_ns: int) -> Ephemeris:
     )
 
 
-def _on_grid(eph: Ephemeris) -> Ephemeris:
+def _on_grid(eph: KeplerEphemeris) -> KeplerEphemeris:
     """Every value rounded to what its message can carry; angles that go round brought into half a turn of zero."""
     resolution = ORBIT_RESOLUTION | CLOCK_RESOLUTION[eph.satellite[0]]
     values = {name: getattr(eph, name) for name in resolution}
@@ -112,7 +112,7 @@ def _reference_times(system: System, start_ns: int, end_ns: int) -> Iterator[int
     return (k * system.period_ns for k in range(first, last + 1))
 
 
-def _gps(seed: int, toe_ns: int) -> Iterator[Ephemeris]:
+def _gps(seed: int, toe_ns: int) -> Iterator[KeplerEphemeris]:
     """Reference sets of 31 satellites in 6 planes, unevenly spread as the real ones are."""
     rng = generator(seed, "constellation/GPS")
     numbers = rng.permutation(GPS_NUMBERS)[:GPS_SATELLITES] + 1
@@ -123,8 +123,9 @@ def _gps(seed: int, toe_ns: int) -> Iterator[Ephemeris]:
         node = turn + math.tau * plane / GPS_PLANES + math.radians(rng.normal(0.0, 2.0))
         latitude_argument = math.tau * (slot / in_plane + plane / GPS_SATELLITES) + math.radians(rng.normal(0.0, 6.0))
         omega = rng.uniform(-math.pi, math.pi)
-        yield Ephemeris(
+        yield KeplerEphemeris(
             satellite=f"G{number:02d}",
+            message="LNAV",
             issue=int(rng.integers(240)),
             healthy=True,
             accuracy_m=SYSTEM["G"].accuracy_m,
@@ -154,7 +155,7 @@ def _gps(seed: int, toe_ns: int) -> Iterator[Ephemeris]:
         )
 
 
-def _galileo(seed: int, toe_ns: int) -> Iterator[Ephemeris]:
+def _galileo(seed: int, toe_ns: int) -> Iterator[KeplerEphemeris]:
     """Reference sets of 24 satellites, Walker 24/3/1."""
     rng = generator(seed, "constellation/Galileo")
     turn, start = rng.uniform(0.0, math.tau, 2)
@@ -164,8 +165,9 @@ def _galileo(seed: int, toe_ns: int) -> Iterator[Ephemeris]:
         node = turn + math.tau * plane / GALILEO_PLANES
         latitude_argument = start + math.tau * (slot / per_plane + plane * GALILEO_PHASING / GALILEO_SATELLITES)
         omega = rng.uniform(-math.pi, math.pi)
-        yield Ephemeris(
+        yield KeplerEphemeris(
             satellite=f"E{k + 1:02d}",
+            message="INAV",
             issue=int(rng.integers(1024)),
             healthy=True,
             accuracy_m=SYSTEM["E"].accuracy_m,
@@ -191,5 +193,6 @@ def _galileo(seed: int, toe_ns: int) -> Iterator[Ephemeris]:
             af0=rng.uniform(-8e-4, 8e-4),
             af1=rng.normal(0.0, 3e-12),
             af2=0.0,
-            group_delay_s=rng.uniform(-5e-9, 5e-9),
+            group_delay_s=(bgd_e5b_s := rng.uniform(-5e-9, 5e-9)),
+            group_delay_2_s=0.9 * bgd_e5b_s,  # E5a and E5b leave by one amplifier
         )

@@ -6,7 +6,7 @@ Sources: IS-GPS-200, 20.3.3 and 20.3.5.2; Galileo OS SIS ICD 2.1, 4.3.2 to 4.3.5
 from collections.abc import Mapping
 
 from integrity.gnss.atmosphere import Klobuchar
-from integrity.gnss.ephemeris import Ephemeris
+from integrity.gnss.ephemeris.broadcast import KeplerEphemeris
 from integrity.gnss.gps_time import NS_PER_S, WEEK_NS, WEEK_S, leap_seconds_at_gps
 from integrity.gnss.navigation import inav, lnav
 from integrity.gnss.navigation.bits import Layout
@@ -18,7 +18,7 @@ EMPTY_PAGE = int("10" * 91, 2) << 2  # alternating ones and zeros from bit 9 of 
 NO_SAR = 0x2AAAAA  # alternating as well, as seen on the air
 
 
-def lnav_words(eph: Ephemeris, klobuchar: Klobuchar, subframe: int, start_ns: int) -> tuple[int, ...]:
+def lnav_words(eph: KeplerEphemeris, klobuchar: Klobuchar, subframe: int, start_ns: int) -> tuple[int, ...]:
     """Ten words of a GPS subframe (1 to 5) that begins at the GPS time `start_ns`, a multiple of 6 s.
 
     Subframe 4 is always page 18 (the ionosphere), subframe 5 the page of a satellite that does not exist: no almanac is sent.
@@ -36,7 +36,7 @@ def lnav_words(eph: Ephemeris, klobuchar: Klobuchar, subframe: int, start_ns: in
     return subframe_words(message | EMPTY_PAGE if subframe == 5 else message)
 
 
-def _lnav_content(eph: Ephemeris, klobuchar: Klobuchar, subframe: int, start_ns: int) -> tuple[Layout, Mapping[str, float]]:
+def _lnav_content(eph: KeplerEphemeris, klobuchar: Klobuchar, subframe: int, start_ns: int) -> tuple[Layout, Mapping[str, float]]:
     """What follows the head of a subframe, and where."""
     if subframe == 1:
         own = {
@@ -64,8 +64,8 @@ def _lnav_content(eph: Ephemeris, klobuchar: Klobuchar, subframe: int, start_ns:
     return lnav.IONOSPHERE, {"data_id": DATA_ID, "page_id": lnav.IONOSPHERE_PAGE} | coefficients
 
 
-def _quantities(layout: Layout, eph: Ephemeris) -> dict[str, float]:
-    """The fields of a message that `Ephemeris` has under the same name and in the same unit."""
+def _quantities(layout: Layout, eph: KeplerEphemeris) -> dict[str, float]:
+    """The fields of a message that `KeplerEphemeris` has under the same name and in the same unit."""
     return {name: getattr(eph, name) for name, field in layout.fields.items() if field.unit is not None}
 
 
@@ -93,7 +93,7 @@ def subframe_words(message: int) -> tuple[int, ...]:
     return tuple(words)
 
 
-def inav_words(eph: Ephemeris, klobuchar: Klobuchar, word_type: int, start_ns: int) -> tuple[int, ...]:
+def inav_words(eph: KeplerEphemeris, klobuchar: Klobuchar, word_type: int, start_ns: int) -> tuple[int, ...]:
     """Eight words of a Galileo I/NAV page of E1-B that begins at the GPS time `start_ns`, a whole second.
 
     Word types 1 to 5 are the set; some programs, RTKLIB among them, wait for 0 (spare, with the time) and 6 (leap seconds) as well.
@@ -113,7 +113,7 @@ def page_words(word: int) -> tuple[int, ...]:
     return tuple(page >> shift & 0xFFFFFFFF for shift in range(224, -1, -32))
 
 
-def _inav_content(eph: Ephemeris, word_type: int, start_ns: int) -> tuple[Layout, Mapping[str, float]]:
+def _inav_content(eph: KeplerEphemeris, word_type: int, start_ns: int) -> tuple[Layout, Mapping[str, float]]:
     """What follows the type of a word, and where."""
     time = {"week": (start_ns // WEEK_NS - inav.FIRST_WEEK) % 4096, "tow_s": start_ns // NS_PER_S % WEEK_S}
     if word_type == 0:

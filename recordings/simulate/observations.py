@@ -15,12 +15,15 @@ import numpy as np
 from integrity.config import SiteConfig
 from integrity.events import EphemerisReceived, Event, IonosphereReceived, ObservationsReceived, Tick
 from integrity.gnss.atmosphere import klobuchar_delay_m, saastamoinen_delay_m
-from integrity.gnss.constants import EARTH_ROTATION_RADPS, L1_HZ, SPEED_OF_LIGHT_MPS
-from integrity.gnss.ephemeris import Ephemeris, EphemerisStore, SatelliteStates, satellite_states
+from integrity.gnss.constants import EARTH_ROTATION_RADPS, SPEED_OF_LIGHT_MPS
+from integrity.gnss.ephemeris.broadcast import KeplerEphemeris
+from integrity.gnss.ephemeris.states import SatelliteStates, satellite_states
+from integrity.gnss.ephemeris.store import EphemerisStore
 from integrity.gnss.frames import enu_axes, geodetic_from_ecef
 from integrity.gnss.gps_time import NS_PER_S, WEEK_NS, utc_from_gps
 from integrity.gnss.observations import ROW_ARRAYS, Bools, Floats, Ints, ObservationRow
 from integrity.gnss.positioning import state_time_ns
+from integrity.gnss.signals import L1_HZ
 from recordings.simulate.constellation import IONOSPHERE, constellation
 from recordings.simulate.errors import NOMINAL, ErrorModel, ReceiverClocks, generator, receiver_clocks, signal_errors
 
@@ -104,7 +107,7 @@ def _path(antennas: Sequence[Antenna], epoch_ns: Ints) -> Path:
     return Path(pos, vel, lat_rad, lon_rad, height_m, enu_axes(lat_rad, lon_rad))
 
 
-def _in_sight(sets: tuple[Ephemeris, ...], epoch_ns: Ints, path: Path) -> tuple[tuple[str, ...], SatelliteStates]:
+def _in_sight(sets: tuple[KeplerEphemeris, ...], epoch_ns: Ints, path: Path) -> tuple[tuple[str, ...], SatelliteStates]:
     """Satellites above the cut-off at some epoch, by name, and their states: each by the set in force at the epoch."""
     store = EphemerisStore(sets)
     arrived = np.searchsorted([eph.transmission_ns for eph in sets], epoch_ns, side="right")
@@ -222,7 +225,7 @@ def _events(
     satellites: tuple[str, ...],
     seen: Bools,
     measured: dict[str, Floats],
-    ephemerides: list[Ephemeris],
+    ephemerides: list[KeplerEphemeris],
 ) -> list[Event]:
     """In the order in which a station meets them; `ephemerides` in the order of transmission."""
     step_s = float(epoch_ns[1] - epoch_ns[0]) / NS_PER_S if len(epoch_ns) > 1 else 0.0

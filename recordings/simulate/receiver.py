@@ -21,7 +21,7 @@ import numpy as np
 from integrity.errors import ConfigError
 from integrity.events import EphemerisReceived, Event, IonosphereReceived, ObservationsReceived, RawBytes
 from integrity.gnss.atmosphere import Klobuchar
-from integrity.gnss.ephemeris import Ephemeris
+from integrity.gnss.ephemeris.broadcast import KeplerEphemeris
 from integrity.gnss.frames import enu_axes, geodetic_from_ecef
 from integrity.gnss.gps_time import DAY_S, NS_PER_S, WEEK_NS, civil_from_days, leap_seconds_at_gps, utc_from_gps
 from integrity.gnss.observations import Floats, Ints, ObservationRow
@@ -80,11 +80,12 @@ class _Broadcast:
 
     def __init__(self) -> None:
         self.klobuchar: Klobuchar | None = None
-        self._sets: dict[str, list[tuple[int, Ephemeris]]] = {}
+        self._sets: dict[str, list[tuple[int, KeplerEphemeris]]] = {}
 
     def begins(self, event: EphemerisReceived) -> None:
         """From here on a satellite sends this set."""
-        self._sets.setdefault(event.ephemeris.satellite, []).append((event.mono_ns, event.ephemeris))
+        if isinstance(event.ephemeris, KeplerEphemeris):  # only such are simulated
+            self._sets.setdefault(event.ephemeris.satellite, []).append((event.mono_ns, event.ephemeris))
 
     def words(self, row: ObservationRow, after_ns: int) -> bytes:
         """RXM-SFRBX of the satellites in a row, of everything that ended after a time up to that of the row, in the order of its end."""
@@ -98,7 +99,7 @@ class _Broadcast:
                     frames.append((end_ns, satellite, _words_frame(ephemeris, self.klobuchar, end_ns - period_ns)))
         return b"".join(frame for _, _, frame in sorted(frames))
 
-    def _in_force(self, satellite: str, gps_ns: int) -> Ephemeris | None:
+    def _in_force(self, satellite: str, gps_ns: int) -> KeplerEphemeris | None:
         """The last set that had begun; the first one for what was sent before the events begin."""
         sets = self._sets.get(satellite, [])
         begun = (ephemeris for from_ns, ephemeris in reversed(sets) if from_ns <= gps_ns)
@@ -106,7 +107,7 @@ class _Broadcast:
 
 
 @lru_cache(maxsize=4096)
-def _words_frame(ephemeris: Ephemeris, klobuchar: Klobuchar, start_ns: int) -> bytes:
+def _words_frame(ephemeris: KeplerEphemeris, klobuchar: Klobuchar, start_ns: int) -> bytes:
     """RXM-SFRBX of the subframe or page that begins at a GPS time; the same for all receivers."""
     system, number = ephemeris.satellite[0], int(ephemeris.satellite[1:])
     m0, omega0, omega = (math.remainder(angle, math.tau) for angle in (ephemeris.m0, ephemeris.omega0, ephemeris.omega))

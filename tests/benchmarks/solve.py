@@ -17,11 +17,12 @@ from typing import Any
 
 import numpy as np
 
-from integrity.gnss.ephemeris import EphemerisStore, accuracy_m, satellite_states, usable
+from integrity.gnss.ephemeris.states import accuracy_m, satellite_states, usable
+from integrity.gnss.ephemeris.store import EphemerisStore
 from integrity.gnss.least_squares import postfit_m
 from integrity.gnss.observations import Bools, Floats, build_block
 from integrity.gnss.positioning import points_at, positions, prefit, range_sigma_m, state_time_ns
-from integrity.gnss.signals import SYSTEMS, system_index
+from integrity.gnss.signals import TIME_SCALES, time_scale_index
 from recordings.rinex.navigation import read_navigation
 from recordings.rinex.observation import read_observations
 
@@ -46,8 +47,8 @@ def ours(observations: Path, navigation: Path, repeats: int) -> dict[str, Any]:
         at_points = prefit(block, states, points, nav.klobuchar)
         sigma_m = range_sigma_m(at_points.el_rad, 0.9, 0.4, accuracy_m(store.ephemerides, index)[:, None])
         used = (at_points.el_rad >= np.deg2rad(MASK_DEG)) & usable(store.ephemerides, index)[:, None]
-        system_of = np.array([system_index(s) for s in block.satellites])
-        solution = positions(block, states, points, nav.klobuchar, at_points, sigma_m, used, system_of, len(SYSTEMS))
+        system_of = np.array([time_scale_index(s) for s in block.satellites])
+        solution = positions(block, states, points, nav.klobuchar, at_points, sigma_m, used, system_of, len(TIME_SCALES))
         residual_m = postfit_m(at_points.residual_m, at_points.los_enu, solution, system_of)
         return solution.e_enu_m[:, 0], residual_m, used[:, 0] & np.isfinite(block.pseudorange_m[:, 0])
 

@@ -11,10 +11,11 @@ from statistics import median
 
 import numpy as np
 
-from integrity.gnss.ephemeris import EphemerisStore, SatelliteStates, satellite_states
+from integrity.gnss.ephemeris.states import SatelliteStates, satellite_states
+from integrity.gnss.ephemeris.store import EphemerisStore
 from integrity.gnss.observations import Bools, Floats, Ints, ObservationBlock
 from integrity.gnss.positioning import Points, compared, expected, points_at, state_time_ns
-from integrity.gnss.signals import system_index
+from integrity.gnss.signals import time_scale_index
 from recordings.simulate.constellation import IONOSPHERE, constellation
 from tests.unit.positioning.field import ANTENNAS, BEGIN, START_NS, edge, map_s_m, paths_on, track_of, whole_track
 from train_client.limits import derive
@@ -104,7 +105,7 @@ def main() -> None:
     place_ecef_m = paths.points.pos_ecef_m[through] + d_m[..., None] * paths.along_ecef[through]
     cuts = [slice(e, e + EPOCHS_PER_BLOCK) for e in range(0, N_EPOCHS, EPOCHS_PER_BLOCK)]
     blocks = [measured(sky, place_ecef_m[cut], epoch_ns[cut]) for cut in cuts]
-    system_of = np.array([system_index(name) for name in sky.satellites])
+    system_of = np.array([time_scale_index(name) for name in sky.satellites])
     used, sigma_m = np.ones((1, 1, N_SATELLITES), dtype=np.bool_), np.full((1, 1, N_SATELLITES), SIGMA_M)
 
     one = measured(sky, place_ecef_m[:1], epoch_ns[:1])

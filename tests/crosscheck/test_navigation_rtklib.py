@@ -15,7 +15,7 @@ from typing import Any, NamedTuple
 import pytest
 
 from integrity.gnss.atmosphere import Klobuchar
-from integrity.gnss.ephemeris import Ephemeris
+from integrity.gnss.ephemeris.broadcast import KeplerEphemeris
 from integrity.gnss.gps_time import GPS_EPOCH_UNIX_S, NS_PER_S, gps_from_week
 from integrity.gnss.navigation.collector import NavigationCollector
 from integrity.gnss.navigation.inav import SISA_M, WORD_5, word_of
@@ -40,7 +40,7 @@ LOGS: dict[str, tuple[str, set[tuple[str, int]]]] = {
 }
 SIMULATED_NS = gps_from_week(2300, 259_200.0)  # past, as RTKLIB resolves the week by the computer's clock
 
-Sets = dict[tuple[str, int], Ephemeris]
+Sets = dict[tuple[str, int], KeplerEphemeris]
 
 
 def from_rtklib(data: bytes, rtklib: ModuleType) -> tuple[Sets, Klobuchar]:
@@ -60,12 +60,13 @@ def from_rtklib(data: bytes, rtklib: ModuleType) -> tuple[Sets, Klobuchar]:
     return sets, Klobuchar((ion[0], ion[1], ion[2], ion[3]), (ion[4], ion[5], ion[6], ion[7]))
 
 
-def as_ours(satellite: str, e: Any) -> Ephemeris:
+def as_ours(satellite: str, e: Any) -> KeplerEphemeris:
     """RTKLIB's record with the meaning that indices and flags have by IS-GPS-200 and the Galileo OS SIS ICD."""
     galileo = satellite[0] == "E"
     accuracies = SISA_M if galileo else URA_UPPER_M
-    return Ephemeris(
+    return KeplerEphemeris(
         satellite=satellite,
+        message="INAV" if galileo else "LNAV",
         issue=e.iode,
         healthy=e.svh & 0b111 == 0 if galileo else e.svh == 0,
         accuracy_m=accuracies[e.sva] if e.sva < len(accuracies) else None,
@@ -92,6 +93,7 @@ def as_ours(satellite: str, e: Any) -> Ephemeris:
         af1=e.f1,
         af2=e.f2,
         group_delay_s=e.tgd[1] if galileo else e.tgd[0],
+        group_delay_2_s=e.tgd[0] if galileo else None,
     )
 
 
@@ -103,7 +105,7 @@ def from_us(data: bytes) -> Sets:
     """Every set that we tell of a UBX stream, the first one of each issue."""
     collector = NavigationCollector()
     near_ns: int | None = None
-    told: list[Ephemeris | Klobuchar] = []
+    told: list[KeplerEphemeris | Klobuchar] = []
     for frame in Framer().feed(data):
         if frame[:2] == RXM_RAWX and (row := decode_rawx([frame.payload], "A")[0]):
             if near_ns is None:
@@ -113,16 +115,16 @@ def from_us(data: bytes) -> Sets:
             told += collector.take(words, near_ns)
     sets: Sets = {}
     for eph in told:
-        if isinstance(eph, Ephemeris):
+        if isinstance(eph, KeplerEphemeris):
             sets.setdefault((eph.satellite, eph.issue), eph)
     return sets
 
 
-def differences(ours: Ephemeris, theirs: Ephemeris) -> list[str]:
+def differences(ours: KeplerEphemeris, theirs: KeplerEphemeris) -> list[str]:
     """Fields in which two sets differ by more than RTKLIB's constants do."""
     later_ns = theirs.transmission_ns - ours.transmission_ns - (HANDOVER_NS if ours.satellite[0] == "G" else 0)
     found = [] if later_ns in REPETITIONS_NS else [f"{ours.satellite} transmission_ns: theirs is {later_ns} later"]
-    for name in (field.name for field in fields(Ephemeris) if field.name != "transmission_ns"):
+    for name in (field.name for field in fields(KeplerEphemeris) if field.name != "transmission_ns"):
         a, b = getattr(ours, name), getattr(theirs, name)
         if a != b and not (isinstance(a, float) and isinstance(b, float) and abs(a - b) <= TOLERANCE * abs(b)):
             found.append(f"{ours.satellite} {name}: {a!r} instead of {b!r}")
@@ -163,7 +165,7 @@ def simulated_bytes() -> tuple[Sets, bytes]:
     return {(eph.satellite, eph.issue): eph for eph in sets}, b"".join(frame for eph in sets for frame in sent(eph))
 
 
-def varied(k: int, eph: Ephemeris) -> Ephemeris:
+def varied(k: int, eph: KeplerEphemeris) -> KeplerEphemeris:
     """With values that a simulated satellite has no use for, so that every field of the messages is seen to be in its place."""
     galileo = eph.satellite[0] == "E"
     return replace(
@@ -176,7 +178,7 @@ def varied(k: int, eph: Ephemeris) -> Ephemeris:
     )
 
 
-def sent(eph: Ephemeris) -> Iterator[bytes]:
+def sent(eph: KeplerEphemeris) -> Iterator[bytes]:
     """What RTKLIB wants for a set: GPS subframes 1 to 5, Galileo words 0 to 6."""
     if eph.satellite[0] == "G":
         starts_ns = {number: eph.transmission_ns + 6 * NS_PER_S * k for k, number in enumerate((1, 2, 3, 4, 5))}
@@ -185,7 +187,7 @@ def sent(eph: Ephemeris) -> Iterator[bytes]:
         yield from (sfrbx(eph, inav_words(eph, IONOSPHERE, number, eph.transmission_ns)) for number in (2, 4, 6, 1, 3, 5, 0))
 
 
-def sfrbx(eph: Ephemeris, words: tuple[int, ...]) -> bytes:
+def sfrbx(eph: KeplerEphemeris, words: tuple[int, ...]) -> bytes:
     system, signal = (0, 0) if eph.satellite[0] == "G" else (2, 1)
     header = bytes((system, int(eph.satellite[1:]), signal, 0, len(words), 0, 2, 0))
     return frame_bytes(*RXM_SFRBX, header + b"".join(word.to_bytes(4, "little") for word in words))

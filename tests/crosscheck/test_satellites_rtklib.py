@@ -14,7 +14,8 @@ import numpy as np
 import pytest
 
 from integrity.gnss.constants import SPEED_OF_LIGHT_MPS
-from integrity.gnss.ephemeris import Ephemeris, SatelliteStates, satellite_states
+from integrity.gnss.ephemeris.broadcast import Ephemeris, KeplerEphemeris
+from integrity.gnss.ephemeris.states import SatelliteStates, satellite_states
 from integrity.gnss.gps_time import GPS_EPOCH_UNIX_S, NS_PER_S
 from integrity.gnss.observations import Floats, Ints
 
@@ -37,8 +38,9 @@ def gps_ns_of(t: Any) -> int:
 
 
 def ephemeris_from_rtklib(satellite: str, eph: Any) -> Ephemeris:
-    return Ephemeris(
+    return KeplerEphemeris(
         satellite=satellite,
+        message="INAV" if satellite[0] == "E" else "LNAV",
         issue=eph.iode,
         healthy=eph.svh == 0,
         accuracy_m=None,

@@ -13,7 +13,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from integrity.events import EphemerisReceived, Event, ObservationsReceived
-from integrity.gnss.ephemeris import Ephemeris
+from integrity.gnss.ephemeris.broadcast import KeplerEphemeris
 from integrity.gnss.gps_time import NS_PER_S
 from integrity.gnss.observations import ROW_ARRAYS, ROW_FLOATS, ObservationRow
 from integrity.outputs import EpochReport, HealthReport, Output
@@ -68,7 +68,7 @@ def row_change(draw: st.DrawFn, kind: str) -> Callable[[ObservationRow], Observa
     return change
 
 
-def changed_ephemeris(draw: st.DrawFn, ephemeris: Ephemeris) -> Ephemeris:
+def changed_ephemeris(draw: st.DrawFn, ephemeris: KeplerEphemeris) -> KeplerEphemeris:
     name = draw(st.sampled_from(["sqrt_a", "e", "i0", "m0", "crs", "cuc", "af0", "group_delay_s", "accuracy_m", "omega_dot"]))
     factor = draw(st.sampled_from([1.0 + 1e-7, 1.0 + 1e-4, 2.0, -1.0, 0.0, float("nan"), float("inf")]))
     change: dict[str, Any] = {name: getattr(ephemeris, name) * factor}
@@ -101,7 +101,7 @@ def corrupted(draw: st.DrawFn) -> Corrupted:
         elif kind == "swap":
             other = draw(st.integers(0, len(events) - 1))
             events[at], events[other] = events[other], events[at]
-        elif isinstance(event, EphemerisReceived):
+        elif isinstance(event, EphemerisReceived) and isinstance(event.ephemeris, KeplerEphemeris):
             events[at] = replace(event, ephemeris=changed_ephemeris(draw, event.ephemeris))
         elif isinstance(event, ObservationsReceived):
             change, receivers = row_change(draw, kind), draw(st.sampled_from([event.row.receiver, "ABC"]))

@@ -4,7 +4,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 from integrity.config import SiteConfig
-from integrity.gnss.ephemeris import Ephemeris
+from integrity.gnss.ephemeris.broadcast import KeplerEphemeris
 from integrity.gnss.observations import ObservationRow
 from recordings.importer import Imported, import_files
 from recordings.rinex.navigation import NavigationFile, read_navigation
@@ -27,7 +27,9 @@ def observation_file(directory: Path, name: str, rows: Sequence[ObservationRow],
     return read_observations(path, name[0])
 
 
-def navigation_file(directory: Path, ephemerides: Sequence[Ephemeris] = EPHEMERIDES, leap_seconds: int = LEAP_SECONDS) -> NavigationFile:
+def navigation_file(
+    directory: Path, ephemerides: Sequence[KeplerEphemeris] = EPHEMERIDES, leap_seconds: int = LEAP_SECONDS
+) -> NavigationFile:
     path = directory / "nav.rnx"
     path.write_text(navigation_text(ephemerides, KLOBUCHAR, leap_seconds), "ascii")
     return read_navigation(path)
@@ -37,7 +39,7 @@ def imported(
     directory: Path,
     changed: Rows | None = None,
     site: SiteConfig = SITE,
-    ephemerides: Sequence[Ephemeris] = EPHEMERIDES,
+    ephemerides: Sequence[KeplerEphemeris] = EPHEMERIDES,
     start_ns: int | None = None,
     end_ns: int | None = None,
 ) -> Imported:

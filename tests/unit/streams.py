@@ -10,7 +10,8 @@ import numpy as np
 
 from integrity.config import IntegrityConfig, ReceiverConfig, SiteConfig
 from integrity.events import EphemerisReceived, Event, ObservationsReceived, Tick
-from integrity.gnss.ephemeris import EphemerisStore, satellite_states
+from integrity.gnss.ephemeris.states import satellite_states
+from integrity.gnss.ephemeris.store import EphemerisStore
 from integrity.gnss.gps_time import NS_PER_S, parse_utc
 from integrity.gnss.observations import ROW_ARRAYS, ObservationRow
 from integrity.gnss.positioning import state_time_ns

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 from integrity.assembler import MOST_PENDING_EPOCHS, AlignedEpoch, Assembler, AssemblerState, Interruption, nominal_epoch_ns
 from integrity.events import EphemerisReceived, Heard, InputLost, IonosphereReceived, ObservationsReceived, StatusReceived, Tick
-from integrity.gnss.ephemeris import EphemerisStore
+from integrity.gnss.ephemeris.store import EphemerisStore
 from integrity.gnss.gps_time import NS_PER_S
 from integrity.gnss.observations import ObservationRow
 from integrity.gnss.receiver_status import Jamming, ReceiverStatus, Spoofing

@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 
 from integrity.gnss.constants import SPEED_OF_LIGHT_MPS
-from integrity.gnss.ephemeris import Ephemeris, satellite_states
+from integrity.gnss.ephemeris.broadcast import Ephemeris, KeplerEphemeris
+from integrity.gnss.ephemeris.states import satellite_states
 from integrity.gnss.gps_time import NS_PER_S
 from integrity.gnss.observations import ROW_FLOATS
 from recordings.importer import Imported, import_files
@@ -67,6 +68,7 @@ def test_satellites_of_written_ephemerides_stand_where_they_stood_to_a_millimetr
 
 def test_what_ephemerides_say_of_themselves_is_read_exactly(tmp_path: Path) -> None:
     def of_itself(e: Ephemeris) -> tuple[object, ...]:
+        assert isinstance(e, KeplerEphemeris)
         return e.satellite, e.issue, e.healthy, e.accuracy_m, e.transmission_ns, e.toe_ns, e.toc_ns, e.fit_half_s
 
     assert [of_itself(e) for e in navigation_file(tmp_path).ephemerides] == [of_itself(e) for e in EPHEMERIDES]

@@ -4,7 +4,7 @@ import math
 from collections.abc import Iterator
 from dataclasses import fields, replace
 from functools import cache
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 import pytest
@@ -17,7 +17,7 @@ from integrity import SOFTWARE
 from integrity.errors import DecodeError
 from integrity.events import EphemerisReceived, Event, InputLost, IonosphereReceived, ObservationsReceived, RawBytes, Tick
 from integrity.gnss.atmosphere import Klobuchar
-from integrity.gnss.ephemeris import Ephemeris
+from integrity.gnss.ephemeris.broadcast import Ephemeris, GeoEphemeris, GlonassEphemeris, KeplerEphemeris
 from integrity.gnss.observations import ROW_ARRAYS, ObservationRow
 from integrity.messages import wayside_pb2 as pb
 from integrity.messages.inputs import Recorded, decode_event, encode_event, parsed
@@ -49,16 +49,34 @@ def rows(draw: st.DrawFn) -> ObservationRow:
     return ObservationRow(draw(st.text(max_size=5)), draw(int64s), tuple(names), rho, carrier, doppler, cn0, lock, slip, half_cycle)
 
 
-ephemerides = st.builds(
-    Ephemeris,
-    satellite=st.sampled_from(["G01", "E36"]),
-    issue=st.integers(0, 1023),
-    healthy=st.booleans(),
-    accuracy_m=st.none() | finite,
-    transmission_ns=int64s,
-    toe_ns=int64s,
-    toc_ns=int64s,
-    **{f.name: finite for f in fields(Ephemeris) if f.type in (float, "float")},
+shared: dict[str, st.SearchStrategy[Any]] = {
+    "issue": st.integers(0, 1023),
+    "healthy": st.booleans(),
+    "accuracy_m": st.none() | finite,
+    "transmission_ns": int64s,
+    "toe_ns": int64s,
+}
+
+
+def floats_of(kind: type[Ephemeris]) -> dict[str, st.SearchStrategy[Any]]:
+    return {f.name: finite for f in fields(kind) if f.type in (float, "float")}
+
+
+ephemerides = st.one_of(
+    *(
+        st.builds(
+            KeplerEphemeris,
+            satellite=st.just(satellite),
+            message=st.just(message),
+            toc_ns=int64s,
+            group_delay_2_s=st.none() | finite,
+            **shared,
+            **floats_of(KeplerEphemeris),
+        )
+        for satellite, message in [("G01", "LNAV"), ("J02", "LNAV"), ("E36", "INAV"), ("E36", "FNAV"), ("C06", "D1"), ("C02", "D2")]
+    ),
+    st.builds(GlonassEphemeris, satellite=st.just("R24"), channel=st.integers(-7, 6), **shared, **floats_of(GlonassEphemeris)),
+    st.builds(GeoEphemeris, satellite=st.just("S29"), **shared, **floats_of(GeoEphemeris)),
 )
 four = st.tuples(finite, finite, finite, finite)
 events = st.one_of(

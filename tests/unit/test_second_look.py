@@ -10,6 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from integrity.events import EphemerisReceived, Event, Tick
+from integrity.gnss.ephemeris.broadcast import KeplerEphemeris
 from integrity.gnss.observations import ObservationRow
 from integrity.outputs import HealthReport, Output
 from integrity.station_monitor import StationMonitor
@@ -152,6 +153,7 @@ def test_a_sky_computed_ahead_is_not_used_with_another_ephemeris() -> None:
     plain, ahead = new_monitor(), new_monitor()
     events = list(stream(12.0))
     old = next(e for e in events if isinstance(e, EphemerisReceived))
+    assert isinstance(old.ephemeris, KeplerEphemeris)
     worse = replace(old, ephemeris=replace(old.ephemeris, af0=old.ephemeris.af0 + 1e-7, transmission_ns=old.ephemeris.transmission_ns + 1))
     place = len(events) - 8
     before = plain.feed([*events[:place], worse, *events[place:]])

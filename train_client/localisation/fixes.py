@@ -10,10 +10,11 @@ import numpy as np
 from integrity.assembler import AlignedEpoch
 from integrity.errors import ConfigError
 from integrity.gnss.atmosphere import Klobuchar
-from integrity.gnss.ephemeris import Ephemerides, EphemerisStore, SatelliteStates, accuracy_m, satellite_states, usable
+from integrity.gnss.ephemeris.states import Ephemerides, SatelliteStates, accuracy_m, satellite_states, usable
+from integrity.gnss.ephemeris.store import EphemerisStore
 from integrity.gnss.observations import ROW_ARRAYS, Bools, Ints, ObservationBlock, build_block
 from integrity.gnss.positioning import Expected, range_sigma_m, state_time_ns
-from integrity.gnss.signals import SYSTEMS, system_index
+from integrity.gnss.signals import TIME_SCALES, time_scale_index
 from train_client.config import TrainConfig
 from train_client.limits import TrainLimits
 from train_client.outputs import AntennaFix, Fix, MapPlace
@@ -151,8 +152,8 @@ class FixMaker:
             epoch.klobuchar,
             sigma_m=range_sigma_m(sky.sight.el_rad, a_m, b_m, accuracy_m(sky.ephemerides, sky.chosen)[:, None, :]),
             used=good & np.isfinite(block.pseudorange_m) & ~(block.cn0_dbhz < self._limits.min_cn0_dbhz),
-            system_of=np.array([system_index(s) for s in block.satellites], dtype=np.int64),
-            n_systems=len(SYSTEMS),
+            system_of=np.array([time_scale_index(s) for s in block.satellites], dtype=np.int64),
+            n_systems=len(TIME_SCALES),
         )
         return _Seen(ranges, sky.sight, reasons)
 

@@ -18,7 +18,7 @@ from typing import NamedTuple
 
 from integrity.assembler import AlignedEpoch, Assembler, Interruption
 from integrity.events import EphemerisReceived, Heard, InputLost, RawBytes, Tick
-from integrity.gnss.ephemeris import EphemerisStore
+from integrity.gnss.ephemeris.store import EphemerisStore
 from integrity.messages import wayside_pb2 as pb
 from integrity.messages.verification import HealthVerifier, Received
 from integrity.reception import Reception

@@ -3,7 +3,7 @@
 from dataclasses import dataclass, field
 
 from integrity.assembler import AssemblerState
-from integrity.gnss.ephemeris import Ephemeris
+from integrity.gnss.ephemeris.broadcast import Ephemeris
 from integrity.messages.verification import VerifierMemory
 from integrity.reception import ReceptionMemory
 from train_client.localisation.coverage import Vouched

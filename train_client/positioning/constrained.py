@@ -15,7 +15,7 @@ from typing import Any, NamedTuple, TypeVar
 import numpy as np
 
 from integrity.gnss.atmosphere import Klobuchar
-from integrity.gnss.ephemeris import SatelliteStates
+from integrity.gnss.ephemeris.states import SatelliteStates
 from integrity.gnss.observations import Bools, Floats, Ints, ObservationBlock, freeze
 from integrity.gnss.positioning import Expected, Points, compared, expected, points_at
 from train_client.limits import TrainLimits

@@ -7,7 +7,7 @@ issue and reference time, the satellite is mismatched, until all antennas agree 
 from collections.abc import Iterable, Sequence
 from dataclasses import replace
 
-from integrity.gnss.ephemeris import Ephemeris
+from integrity.gnss.ephemeris.broadcast import Ephemeris
 from integrity.gnss.gps_time import NS_PER_S
 
 Told = tuple[str, Ephemeris]

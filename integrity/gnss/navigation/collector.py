@@ -15,7 +15,7 @@ from typing import NamedTuple
 
 from integrity.errors import DecodeError
 from integrity.gnss.atmosphere import Klobuchar
-from integrity.gnss.ephemeris import Ephemeris
+from integrity.gnss.ephemeris.broadcast import Ephemeris
 from integrity.gnss.gps_time import NS_PER_S
 from integrity.gnss.navigation import inav, lnav
 from integrity.gnss.ubx.sfrbx import NavigationWords

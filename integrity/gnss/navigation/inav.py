@@ -6,7 +6,8 @@ Source: Galileo OS SIS ICD 2.1, 4.3.2 (pages and CRC), 4.3.4 and 4.3.5 (words), 
 
 from functools import lru_cache
 
-from integrity.gnss.ephemeris import Ephemeris
+from integrity.gnss.crc import crc24q
+from integrity.gnss.ephemeris.broadcast import KeplerEphemeris
 from integrity.gnss.gps_time import NS_PER_S, WEEK_NS
 from integrity.gnss.navigation.bits import HEARD_AT_ONCE, SEMICIRCLE_RAD, Field, Layout, Part, in_order, nearest_ns, plain, signed
 
@@ -14,7 +15,6 @@ FIRST_WEEK = 1024  # GPS week in which Galileo's weeks begin to count: 5.1.2
 WEEKS_NS = 4096 * WEEK_NS  # the week has twelve bits
 FIT_HALF_S = 14_400.0  # 5.1.9.2: a set serves for up to 4 h
 SISA_NO_PROMISE = 255
-CRC24Q_POLYNOMIAL = 0x1864CFB  # 5.1.9.4
 
 # Signal-in-space accuracy: first index of a range, accuracy there and step in cm; from index 126 on spare. 5.1.11, table of SISA(E1,E5b).
 SISA_RANGES_CM = ((0, 0, 1), (50, 50, 2), (75, 100, 4), (100, 200, 16))
@@ -90,7 +90,7 @@ WORD_4 = in_order(
 WORD_5 = in_order(
     ("word_type", plain(6)),
     ("ionosphere", plain(41)),  # NeQuick's, not used
-    ("bgd_e5a", plain(10)),
+    ("group_delay_2_s", signed(10, 2.0**-32)),  # BGD(E1,E5a)
     ("group_delay_s", signed(10, 2.0**-32)),  # BGD(E1,E5b)
     ("e5b_health", plain(2)),
     ("e1b_health", plain(2)),
@@ -115,27 +115,6 @@ WORD_6 = in_order(  # GST to UTC: only written
 )
 WORD_0 = in_order(("word_type", plain(6)), ("time", plain(2)), ("spare", plain(88)), ("week", plain(12)), ("tow_s", plain(20)))
 HEAD = Layout(128, {"word_type": Field((Part(0, 6),)), "issue": Field((Part(6, 10),))})
-
-
-def _crc_table() -> tuple[int, ...]:
-    table = []
-    for byte in range(256):
-        crc = byte << 16
-        for _ in range(8):
-            crc = crc << 1 ^ (CRC24Q_POLYNOMIAL if crc & 0x800000 else 0)
-        table.append(crc)
-    return tuple(table)
-
-
-_CRC_TABLE = _crc_table()
-
-
-def crc24q(data: bytes) -> int:
-    """CRC-24Q, begun with zero: zeros in front of the data change nothing. Source: Galileo OS SIS ICD, 5.1.9.4."""
-    crc = 0
-    for byte in data:
-        crc = crc << 8 & 0xFFFFFF ^ _CRC_TABLE[crc >> 16 ^ byte]
-    return crc
 
 
 def page_crc(page: int) -> int:
@@ -164,7 +143,7 @@ def word_of(words: tuple[int, ...]) -> int | None:
     return PAGE.integer(page, "data_1") << 16 | PAGE.integer(page, "data_2") if sound else None
 
 
-def ephemeris_of(satellite: str, one: int, two: int, three: int, four: int, five: int, near_ns: int) -> Ephemeris | None:
+def ephemeris_of(satellite: str, one: int, two: int, three: int, four: int, five: int, near_ns: int) -> KeplerEphemeris | None:
     """The set that words 1 to 5 make up; None where issues differ or word 4 names another satellite.
 
     `near_ns` is a GPS time within 512 weeks. Its transmission began with the page of word 5, the only one of them that carries a time.
@@ -178,8 +157,9 @@ def ephemeris_of(satellite: str, one: int, two: int, three: int, four: int, five
     transmission_ns = nearest_ns(week * WEEK_NS + tow_s * NS_PER_S, near_ns, WEEKS_NS)
     toe_s, toc_s = 60 * WORD_1.integer(one, "toe_60s"), 60 * WORD_4.integer(four, "toc_60s")
     sisa_index = WORD_3.integer(three, "sisa_index")
-    return Ephemeris(
+    return KeplerEphemeris(
         satellite=satellite,
+        message="INAV",
         issue=issue,
         healthy=WORD_5.integer(five, "e1b_health") == 0 and WORD_5.integer(five, "e1b_unsure") == 0,
         accuracy_m=SISA_M[sisa_index] if sisa_index < SISA_END else None,

@@ -8,7 +8,7 @@ Source: IS-GPS-200, 20.3.3 (layout: figure 20-1; scales: tables 20-I, 20-III and
 from functools import lru_cache
 
 from integrity.gnss.atmosphere import Klobuchar
-from integrity.gnss.ephemeris import Ephemeris
+from integrity.gnss.ephemeris.broadcast import KeplerEphemeris
 from integrity.gnss.gps_time import NS_PER_S, WEEK_NS
 from integrity.gnss.navigation.bits import HEARD_AT_ONCE, SEMICIRCLE_RAD, Field, Layout, Part, nearest_ns
 
@@ -147,7 +147,7 @@ def subframe_of(words: tuple[int, ...]) -> int | None:
     return message if sound else None
 
 
-def ephemeris_of(satellite: str, one: int, two: int, three: int, near_ns: int) -> Ephemeris | None:
+def ephemeris_of(satellite: str, one: int, two: int, three: int, near_ns: int) -> KeplerEphemeris | None:
     """The set that subframes 1, 2 and 3 make up; None where their issues differ. Its transmission began with subframe 1.
 
     `near_ns` is a GPS time within 512 weeks. Where a subframe raises the alert flag, no accuracy is promised (20.3.3.2).
@@ -160,8 +160,9 @@ def ephemeris_of(satellite: str, one: int, two: int, three: int, near_ns: int) -
     toe_s, toc_s = 16 * SUBFRAME_2.integer(two, "toe_16s"), 16 * SUBFRAME_1.integer(one, "toc_16s")
     ura_index = SUBFRAME_1.integer(one, "ura_index")
     promised = ura_index != URA_NO_PROMISE and not any(HEAD.integer(message, "alert") for message in (one, two, three))
-    return Ephemeris(
+    return KeplerEphemeris(
         satellite=satellite,
+        message="LNAV",
         issue=iode,
         healthy=SUBFRAME_1.integer(one, "health") == 0,
         accuracy_m=URA_UPPER_M[ura_index] if promised else None,

@@ -1,6 +1,6 @@
 """RXM-RAWX, versions 0 and 1: the measurements of one epoch, as an `ObservationRow`.
 
-Only civil L1 codes are taken (`signals.L1_CODES`): a range on L2 or L5 must never pass for one on L1. A quantity that the receiver
+Only civil L1 codes are taken (`signals.FIRST_CODES`): a range on L2 or L5 must never pass for one on L1. A quantity that the receiver
 does not vouch for, or that lies outside of its range, is NaN; a measurement with neither range nor carrier is left out.
 Sources: u-blox F9 HPG 1.51 interface description, UBX-RXM-RAWX and "Signal identifiers"; u-blox 8 / M8 protocol specification.
 """

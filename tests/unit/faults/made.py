@@ -8,12 +8,14 @@ import pytest
 
 from integrity.config import IntegrityConfig, ReceiverConfig, SiteConfig
 from integrity.events import EphemerisReceived, Event, ObservationsReceived, Tick
-from integrity.gnss.constants import EARTH_ROTATION_RADPS, L1_HZ, SPEED_OF_LIGHT_MPS
-from integrity.gnss.ephemeris import Ephemeris, satellite_states
+from integrity.gnss.constants import EARTH_ROTATION_RADPS, SPEED_OF_LIGHT_MPS
+from integrity.gnss.ephemeris.broadcast import KeplerEphemeris
+from integrity.gnss.ephemeris.states import satellite_states
 from integrity.gnss.frames import ecef_from_geodetic, enu_axes, geodetic_from_ecef
 from integrity.gnss.gps_time import NS_PER_S, gps_from_calendar, utc_from_gps
 from integrity.gnss.observations import Floats, ObservationRow, build_block
 from integrity.gnss.positioning import points_at, prefit, state_time_ns
+from integrity.gnss.signals import L1_HZ
 from recordings.faults import Fault, inject
 from recordings.faults.kinds import (
     Effect,
@@ -38,11 +40,12 @@ SITE = SiteConfig(
 )
 
 
-def ephemeris(number: int, transmission_ns: int = FIRST_NS - 600 * NS_PER_S, issue: int = 7) -> Ephemeris:
+def ephemeris(number: int, transmission_ns: int = FIRST_NS - 600 * NS_PER_S, issue: int = 7) -> KeplerEphemeris:
     plane, slot = divmod(number - 1, 4)
     zeros = dict.fromkeys(("delta_n", "i_dot", "cuc", "cus", "crc", "crs", "cic", "cis", "af1", "af2", "group_delay_s"), 0.0)
-    return Ephemeris(
+    return KeplerEphemeris(
         satellite=f"G{number:02d}",
+        message="LNAV",
         issue=issue,
         healthy=True,
         accuracy_m=2.4,

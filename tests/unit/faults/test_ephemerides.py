@@ -9,7 +9,8 @@ import pytest
 from integrity.errors import ConfigError
 from integrity.events import EphemerisReceived, Event, ObservationsReceived
 from integrity.gnss.constants import EARTH_ROTATION_RADPS
-from integrity.gnss.ephemeris import Ephemeris, satellite_states
+from integrity.gnss.ephemeris.broadcast import KeplerEphemeris
+from integrity.gnss.ephemeris.states import satellite_states
 from integrity.gnss.gps_time import NS_PER_S
 from integrity.gnss.observations import Floats
 from recordings.faults import Fault, inject
@@ -31,7 +32,7 @@ from tests.unit.faults.made import (
 # Ephemerides
 
 
-def orbit_displacement_m(true: Ephemeris, wrong: Ephemeris, gps_ns: int) -> Floats:
+def orbit_displacement_m(true: KeplerEphemeris, wrong: KeplerEphemeris, gps_ns: int) -> Floats:
     """Along, cross, radial."""
     (pos, vel), (other, _) = (
         (s.pos_ecef_m[:, 0, 0], s.vel_ecef_mps[:, 0, 0])
@@ -43,10 +44,10 @@ def orbit_displacement_m(true: Ephemeris, wrong: Ephemeris, gps_ns: int) -> Floa
     return np.array([np.cross(cross, radial), cross, radial]) @ (other - pos)
 
 
-def altered(events: Sequence[Event], satellite: str) -> list[Ephemeris]:
+def altered(events: Sequence[Event], satellite: str) -> list[KeplerEphemeris]:
     known = {e.ephemeris for e in STREAM if isinstance(e, EphemerisReceived)}
     found = [e.ephemeris for e in events if isinstance(e, EphemerisReceived) and e.ephemeris.satellite == satellite]
-    return [e for e in found if e not in known]
+    return [e for e in found if isinstance(e, KeplerEphemeris) and e not in known]
 
 
 @pytest.mark.parametrize("axis", ["along", "cross", "radial"])
@@ -91,7 +92,12 @@ def test_an_ephemeris_that_arrives_during_the_fault_is_wrong_likewise_and_true_a
 
 
 def test_an_orbit_that_no_station_accepts_is_refused() -> None:
-    low = [replace(e, ephemeris=replace(e.ephemeris, sqrt_a=5001.0)) if isinstance(e, EphemerisReceived) else e for e in STREAM]
+    low = [
+        replace(e, ephemeris=replace(e.ephemeris, sqrt_a=5001.0))
+        if isinstance(e, EphemerisReceived) and isinstance(e.ephemeris, KeplerEphemeris)
+        else e
+        for e in STREAM
+    ]
     fault = Fault(START_NS, END_NS, WrongEphemeris(satellite=SEEN[0][:3], offset_m=-100_000.0, direction="radial"))
     with pytest.raises(ConfigError, match="no orbit that a station accepts"):
         inject(low, [fault], SITE)

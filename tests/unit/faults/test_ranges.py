@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from integrity.events import EphemerisReceived, Event, ObservationsReceived
-from integrity.gnss.ephemeris import satellite_states
+from integrity.gnss.ephemeris.states import satellite_states
 from integrity.gnss.least_squares import solve
 from integrity.gnss.observations import build_block
 from integrity.gnss.positioning import points_at, prefit, state_time_ns

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from integrity.events import ObservationsReceived, Tick
-from integrity.gnss.ephemeris import satellite_states
+from integrity.gnss.ephemeris.states import satellite_states
 from integrity.gnss.gps_time import utc_from_gps
 from integrity.gnss.positioning import state_time_ns
 from recordings.faults import Fault, inject

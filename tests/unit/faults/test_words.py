@@ -7,7 +7,7 @@ import pytest
 
 from integrity.errors import ConfigError
 from integrity.events import EphemerisReceived, Event, IonosphereReceived, RawBytes
-from integrity.gnss.ephemeris import Ephemeris
+from integrity.gnss.ephemeris.broadcast import KeplerEphemeris
 from integrity.gnss.gps_time import NS_PER_S
 from integrity.gnss.navigation import inav, lnav
 from integrity.gnss.ubx.framing import Framer, frame_bytes
@@ -30,14 +30,15 @@ def wrong(satellite: str, offset_m: float = 300.0, direction: Literal["along", "
     return WrongEphemeris(satellite=satellite, offset_m=offset_m, direction=direction)
 
 
-def sets_of(events: tuple[Event, ...], satellite: str) -> list[tuple[float, Ephemeris]]:
+def sets_of(events: tuple[Event, ...], satellite: str) -> list[tuple[float, KeplerEphemeris]]:
     """Sets of a satellite that a station is told, and when, in seconds of the stream; each once."""
     reception = Reception(SITE.receiver_names)
     heard = [
         h for event in events for h in reception.take(event) if isinstance(h, EphemerisReceived) and h.ephemeris.satellite == satellite
     ]
-    first: dict[Ephemeris, float] = {}
+    first: dict[KeplerEphemeris, float] = {}
     for event in heard:
+        assert isinstance(event.ephemeris, KeplerEphemeris)
         first.setdefault(event.ephemeris, (event.mono_ns - START_NS) / NS_PER_S)
     return [(at, eph) for eph, at in first.items()]
 

@@ -11,7 +11,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from integrity.gnss.ephemeris import Ephemeris, EphemerisStore, accuracy_m, satellite_states, usable
+from integrity.gnss.ephemeris.broadcast import Ephemeris
+from integrity.gnss.ephemeris.states import accuracy_m, satellite_states, usable
+from integrity.gnss.ephemeris.store import EphemerisStore
 from integrity.gnss.gps_time import NS_PER_S, parse_utc
 from recordings.simulate.constellation import constellation
 

@@ -13,13 +13,14 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from integrity.gnss.constants import SPEED_OF_LIGHT_MPS
-from integrity.gnss.ephemeris import EphemerisStore, SatelliteStates, satellite_states
+from integrity.gnss.ephemeris.states import SatelliteStates, satellite_states
+from integrity.gnss.ephemeris.store import EphemerisStore
 from integrity.gnss.frames import ecef_from_geodetic
 from integrity.gnss.gps_time import NS_PER_S, parse_utc
 from integrity.gnss.least_squares import Solution, Unsolved, postfit_m, solve
 from integrity.gnss.observations import Bools, Floats, Ints, ObservationBlock
 from integrity.gnss.positioning import Points, Prefit, points_at, positions, prefit, range_sigma_m, state_time_ns
-from integrity.gnss.signals import system_index
+from integrity.gnss.signals import time_scale_index
 from recordings.simulate.constellation import IONOSPHERE, constellation
 
 EPOCH_NS = parse_utc("2026-03-02T03:00:00Z")
@@ -69,7 +70,7 @@ def scene(displacement_enu_m: Floats, clock_m: Floats | float = 0.0, tag_ns: int
         block = replace(block, pseudorange_m=block.pseudorange_m - residual_m + clock_m)
     el_rad = prefit(block, states, truth, IONOSPHERE).el_rad
     seen = (el_rad > MASK_RAD).all(axis=(0, 1))
-    return visible(Scene(block, states, points, np.array([system_index(s) for s in satellites])), np.flatnonzero(seen))
+    return visible(Scene(block, states, points, np.array([time_scale_index(s) for s in satellites])), np.flatnonzero(seen))
 
 
 def visible(whole: Scene, columns: Ints) -> Scene:

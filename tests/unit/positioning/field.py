@@ -9,10 +9,11 @@ import numpy as np
 
 from integrity.events import EphemerisReceived, IonosphereReceived, ObservationsReceived
 from integrity.gnss.atmosphere import Klobuchar
-from integrity.gnss.ephemeris import EphemerisStore, SatelliteStates, satellite_states
+from integrity.gnss.ephemeris.states import SatelliteStates, satellite_states
+from integrity.gnss.ephemeris.store import EphemerisStore
 from integrity.gnss.observations import Bools, Floats, Ints, ObservationBlock, build_block
 from integrity.gnss.positioning import state_time_ns
-from integrity.gnss.signals import SYSTEMS, system_index
+from integrity.gnss.signals import TIME_SCALES, time_scale_index
 from recordings.simulate.errors import ErrorModel
 from recordings.simulate.observations import Antenna, fixed, observed
 from train_client.config import AntennaConfig
@@ -110,13 +111,13 @@ def heard_by(
     index = store.choose(block.satellites, block.epoch_ns, np.full(len(epochs), len(store)))
     states = satellite_states(store.ephemerides, index, state_time_ns(block.epoch_ns))
     klobuchar = next(event.klobuchar for event in events if isinstance(event, IonosphereReceived))
-    system_of = np.array([system_index(s) for s in block.satellites])
+    system_of = np.array([time_scale_index(s) for s in block.satellites])
     front_m, _ = run.front(block.epoch_ns)
     return Heard(block, states, klobuchar, system_of, front_m[:, None] + np.array([a.x_m for a in antennas]))
 
 
 def ranges_of(told: Heard, sigma_m: Floats, used: Bools, block: ObservationBlock | None = None) -> Ranges:
-    return Ranges(block or told.block, told.states, told.klobuchar, sigma_m, used, told.system_of, len(SYSTEMS))
+    return Ranges(block or told.block, told.states, told.klobuchar, sigma_m, used, told.system_of, len(TIME_SCALES))
 
 
 def solved(paths: Paths, told: Heard, segment: Ints, sigma_m: float = 0.3, block: ObservationBlock | None = None) -> OnTrack:

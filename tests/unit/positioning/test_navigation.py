@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import pytest
 
-from integrity.gnss.ephemeris import Ephemeris
+from integrity.gnss.ephemeris.broadcast import KeplerEphemeris
 from recordings.simulate.constellation import constellation
 from tests.unit.positioning.field import START_NS
 from train_client.positioning.navigation import NavigationAgreement
@@ -18,7 +18,7 @@ def two() -> NavigationAgreement:
     return NavigationAgreement(("front", "rear"))
 
 
-def after(*told: tuple[str, Ephemeris]) -> NavigationAgreement:
+def after(*told: tuple[str, KeplerEphemeris]) -> NavigationAgreement:
     agreement = two()
     for antenna, ephemeris in told:
         agreement.told(antenna, ephemeris)

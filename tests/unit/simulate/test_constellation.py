@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from integrity.gnss.constants import SPEED_OF_LIGHT_MPS
-from integrity.gnss.ephemeris import Ephemeris, satellite_states
+from integrity.gnss.ephemeris.broadcast import KeplerEphemeris
+from integrity.gnss.ephemeris.states import satellite_states
 from integrity.gnss.frames import ecef_from_geodetic, enu_axes
 from integrity.gnss.gps_time import NS_PER_S, gps_from_week
 from recordings.simulate.constellation import constellation
@@ -40,7 +41,7 @@ CLOCK_FIELDS = {
 }
 
 
-def by_satellite(sets: tuple[Ephemeris, ...]) -> dict[str, list[Ephemeris]]:
+def by_satellite(sets: tuple[KeplerEphemeris, ...]) -> dict[str, list[KeplerEphemeris]]:
     groups = defaultdict(list)
     for eph in sets:
         groups[eph.satellite].append(eph)

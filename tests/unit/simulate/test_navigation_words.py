@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import pytest
 
-from integrity.gnss.ephemeris import Ephemeris
+from integrity.gnss.ephemeris.broadcast import KeplerEphemeris
 from integrity.gnss.gps_time import NS_PER_S, gps_from_week
 from integrity.gnss.navigation import inav, lnav
 from recordings.simulate.constellation import IONOSPHERE, constellation
@@ -16,7 +16,7 @@ GPS = next(eph for eph in SETS if eph.satellite[0] == "G")
 GALILEO = next(eph for eph in SETS if eph.satellite[0] == "E")
 
 
-def received(eph: Ephemeris) -> Ephemeris | None:
+def received(eph: KeplerEphemeris) -> KeplerEphemeris | None:
     """A set sent and decoded; all pages at its time of transmission."""
     at_ns = eph.transmission_ns
     if eph.satellite[0] == "G":
@@ -32,14 +32,14 @@ def test_every_set_of_a_constellation_comes_back_to_the_bit() -> None:
 
 @pytest.mark.parametrize("eph", [GPS, GALILEO], ids=["GPS", "Galileo"])
 @pytest.mark.parametrize("change", [{"healthy": False}, {"accuracy_m": None}], ids=["unhealthy", "no-accuracy"])
-def test_a_set_not_to_be_used_comes_back_as_one(eph: Ephemeris, change: dict[str, bool | None]) -> None:
+def test_a_set_not_to_be_used_comes_back_as_one(eph: KeplerEphemeris, change: dict[str, bool | None]) -> None:
     changed = replace(eph, **change)  # type: ignore[arg-type]
     assert received(changed) == changed
 
 
 @pytest.mark.parametrize("name", ["m0", "cuc", "crs", "af0", "af1", "group_delay_s", "i_dot", "omega_dot", "delta_n", "omega"])
 @pytest.mark.parametrize("eph", [GPS, GALILEO], ids=["GPS", "Galileo"])
-def test_a_value_of_either_sign_comes_back(eph: Ephemeris, name: str) -> None:
+def test_a_value_of_either_sign_comes_back(eph: KeplerEphemeris, name: str) -> None:
     changed = replace(eph, **{name: -getattr(eph, name)})
     assert received(changed) == changed
 

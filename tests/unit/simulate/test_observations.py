@@ -6,12 +6,13 @@ import pytest
 from integrity.config import IntegrityConfig, ReceiverConfig, SiteConfig
 from integrity.events import EphemerisReceived, Event, IonosphereReceived, ObservationsReceived, Tick
 from integrity.gnss.atmosphere import klobuchar_delay_m
-from integrity.gnss.constants import L1_HZ, SPEED_OF_LIGHT_MPS
-from integrity.gnss.ephemeris import EphemerisStore, satellite_states
+from integrity.gnss.constants import SPEED_OF_LIGHT_MPS
+from integrity.gnss.ephemeris.states import satellite_states
+from integrity.gnss.ephemeris.store import EphemerisStore
 from integrity.gnss.gps_time import NS_PER_S, WEEK_NS, gps_from_week, utc_from_gps
 from integrity.gnss.observations import Floats, Ints, ObservationBlock, build_block
 from integrity.gnss.positioning import Points, Prefit, points_at, positions, prefit, state_time_ns
-from integrity.gnss.signals import SYSTEMS, system_index
+from integrity.gnss.signals import L1_HZ, TIME_SCALES, time_scale_index
 from integrity.outputs import EpochReport
 from integrity.states import State
 from integrity.station_monitor import StationMonitor
@@ -82,8 +83,8 @@ def test_without_errors_the_surveyed_points_are_found(seed: int, start_ns: int) 
     block, store, index, at_points = seen_from_the_points(simulate(SITE, start_ns, 60.0, 1.0, seed, EXACT))
     states = satellite_states(store.ephemerides, index, state_time_ns(block.epoch_ns))
     used = np.isfinite(block.pseudorange_m)
-    system_of = np.array([system_index(s) for s in block.satellites])
-    solution = positions(block, states, POINTS, IONOSPHERE, at_points, np.ones(used.shape), used, system_of, len(SYSTEMS))
+    system_of = np.array([time_scale_index(s) for s in block.satellites])
+    solution = positions(block, states, POINTS, IONOSPHERE, at_points, np.ones(used.shape), used, system_of, len(TIME_SCALES))
     assert np.abs(solution.e_enu_m).max() < 0.005
 
 

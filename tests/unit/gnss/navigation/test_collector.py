@@ -7,7 +7,7 @@ import pytest
 
 from integrity.errors import DecodeError
 from integrity.gnss.atmosphere import Klobuchar
-from integrity.gnss.ephemeris import Ephemeris
+from integrity.gnss.ephemeris.broadcast import Ephemeris
 from integrity.gnss.gps_time import NS_PER_S, WEEK_NS, gps_from_week
 from integrity.gnss.navigation.collector import PAGES_TOGETHER_NS, NavigationCollector, Page
 from integrity.gnss.ubx.sfrbx import NavigationWords

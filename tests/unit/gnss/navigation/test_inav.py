@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import pytest
 
-from integrity.gnss.ephemeris import Ephemeris
+from integrity.gnss.ephemeris.broadcast import Ephemeris
 from integrity.gnss.gps_time import NS_PER_S, WEEK_S, gps_from_week
 from integrity.gnss.navigation import inav
 from integrity.gnss.navigation.bits import Layout
