@@ -13,7 +13,7 @@ from integrity.gnss.ephemeris.states import Ephemerides, SatelliteStates, accura
 from integrity.gnss.ephemeris.store import EphemerisStore
 from integrity.gnss.observations import Bools, Floats, Ints, Layout, ObservationBlock, build_block, layout_of
 from integrity.gnss.positioning import Expected, Points, Prefit, compared, expected, range_sigma_m, state_time_ns
-from integrity.gnss.signals import TIME_SCALES, time_scale_index
+from integrity.gnss.signals import TIME_SCALES, satellite_of, time_scale_index
 from integrity.limits import Limits
 from integrity.monitors.residuals import without_lone_satellites
 
@@ -24,7 +24,7 @@ class Sky:
     `in_view` (E, S), above the mask of all receivers, and `high` (E, R, S), where a receiver does not lose it by itself: all healthy."""
 
     ephemerides: Ephemerides
-    satellites: tuple[str, ...]  # of each signal, (S,)
+    signals: tuple[str, ...]  # (S,)
     arrived: tuple[int, ...]  # ephemerides known at each epoch, (E,)
     klobuchar: Klobuchar | None
     states: SatelliteStates
@@ -37,10 +37,10 @@ class Sky:
     system_of: Ints
 
     def is_of(
-        self, satellites: tuple[str, ...], epoch_ns: Ints, arrived: tuple[int, ...], klobuchar: Klobuchar | None, store: EphemerisStore
+        self, signals: tuple[str, ...], epoch_ns: Ints, arrived: tuple[int, ...], klobuchar: Klobuchar | None, store: EphemerisStore
     ) -> bool:
         """Whether it is the sky of these epochs."""
-        same = self.satellites == satellites and self.arrived == arrived and self.klobuchar == klobuchar
+        same = self.signals == signals and self.arrived == arrived and self.klobuchar == klobuchar
         return same and self.ephemerides is store.ephemerides and np.array_equal(self.states.t_ns, state_time_ns(epoch_ns))
 
 
@@ -56,7 +56,7 @@ class Sight:
 
 
 def sky_of(
-    satellites: tuple[str, ...],
+    signals: tuple[str, ...],
     epoch_ns: Ints,
     arrived: tuple[int, ...],
     klobuchar: Klobuchar | None,
@@ -67,15 +67,16 @@ def sky_of(
 ) -> Sky:
     """The sky at epochs, as the surveyed points see it."""
     ephemerides = store.ephemerides
+    satellites = [satellite_of(s) for s in signals]
     index = store.choose(satellites, epoch_ns, np.array(arrived))
-    states = satellite_states(ephemerides, index, state_time_ns(epoch_ns))
+    states = satellite_states(ephemerides, index, state_time_ns(epoch_ns), signals)
     seen = expected(states, epoch_ns, points, klobuchar)
     promises = site.integrity
     el_rad = seen.el_rad.mean(axis=1)
     healthy = usable(ephemerides, index)
     return Sky(
         ephemerides,
-        satellites,
+        signals,
         arrived,
         klobuchar,
         states,
@@ -105,7 +106,7 @@ def observe(
     """
     layout = layout_of((row for x in epochs for row in x.rows), remembered_signals, before)
     block = build_block(site.receiver_names, [x.epoch_ns for x in epochs], [x.rows for x in epochs], layout)
-    where = (block.satellites, block.epoch_ns, tuple(x.arrived for x in epochs), epochs[0].klobuchar, store)
+    where = (block.signals, block.epoch_ns, tuple(x.arrived for x in epochs), epochs[0].klobuchar, store)
     sky = ahead if ahead is not None and ahead.is_of(*where) else sky_of(*where, points, site, limits)
     at_points = compared(block, sky.expected)
     satellites = SatelliteInputs(

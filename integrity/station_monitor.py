@@ -133,7 +133,7 @@ class StationMonitor:
         last_ns, last = self._assembler.last_epoch_ns, self._last
         if last_ns is not None and last is not None:
             next_ns, arrived = np.array([last_ns + self.site.epoch_interval_ns]), (len(self._store),)
-            sky = sky_of(last.sky.satellites, next_ns, arrived, last.sky.klobuchar, self._store, self._points, self.site, self.limits)
+            sky = sky_of(last.sky.signals, next_ns, arrived, last.sky.klobuchar, self._store, self._points, self.site, self.limits)
             self._ahead = _Ahead(sky, tuple(geometry_of(sky, used, self.site.integrity, self.triangle) for used in last.used))
 
     @property

@@ -110,9 +110,8 @@ def expected(states: SatelliteStates, epoch_ns: Ints, points: Points, klobuchar:
     0.1 mm for one whose tag is up to 0.5 s off. Without Klobuchar terms the ionosphere is left out.
     """
     tow_s = (epoch_ns % WEEK_NS / NS_PER_S)[:, None, None]
-    satellites = np.concatenate(
-        (states.pos_ecef_m, states.vel_ecef_mps, states.acc_ecef_mps2, states.clock_s[None], states.clock_drift_sps[None])
-    )[:, :, None, :]
+    alone = (states.clock_s, states.clock_drift_sps, states.ionosphere)
+    satellites = np.concatenate((states.pos_ecef_m, states.vel_ecef_mps, states.acc_ecef_mps2, np.stack(alone)))[:, :, None, :]
     n_epochs, n_signals = states.clock_s.shape
     n_receivers = points.pos_ecef_m.shape[1]
     out = np.empty((8, n_epochs, n_receivers, n_signals))
@@ -124,7 +123,7 @@ def expected(states: SatelliteStates, epoch_ns: Ints, points: Points, klobuchar:
 
 def _geometry(tow_s: Floats, satellites: Floats, points: Points, klobuchar: Klobuchar | None) -> list[Floats]:
     """Range with its rate and half its acceleration, line of sight (east, north, up), elevation, azimuth; each (E, R, S)."""
-    x, y, z, vx, vy, vz, ax, ay, az, clock_s, clock_drift_sps = satellites
+    x, y, z, vx, vy, vz, ax, ay, az, clock_s, clock_drift_sps, ionosphere = satellites
     x_r, y_r, z_r = (points.pos_ecef_m[..., i, None] for i in range(3))
     dx, dy, dz = x - x_r, y - y_r, z - z_r
     distance_m = np.sqrt(dx * dx + dy * dy + dz * dz)
@@ -145,7 +144,8 @@ def _geometry(tow_s: Floats, satellites: Floats, points: Points, klobuchar: Klob
     delay_m = points.zenith_delay_m[..., None] * troposphere_mapping(el_air)
     delay_mprad = delay_m * troposphere_slope(el_air)
     if klobuchar is not None:
-        ionosphere_m = klobuchar_delay_m(tow_s, points.lat_rad[..., None], points.lon_rad[..., None], az_rad, el_air, klobuchar)
+        lat_rad, lon_rad = points.lat_rad[..., None], points.lon_rad[..., None]
+        ionosphere_m = ionosphere * klobuchar_delay_m(tow_s, lat_rad, lon_rad, az_rad, el_air, klobuchar)
         delay_m = delay_m + ionosphere_m
         delay_mprad = delay_mprad + ionosphere_m * klobuchar_slope(el_air)
     range_m = distance_m + sagnac * (x * y_r - y * x_r) - SPEED_OF_LIGHT_MPS * clock_s + delay_m
@@ -237,4 +237,5 @@ def _epochs_of_states(states: SatelliteStates, epochs: Ints) -> SatelliteStates:
         states.acc_ecef_mps2[:, epochs],
         states.clock_s[epochs],
         states.clock_drift_sps[epochs],
+        states.ionosphere[epochs],
     )

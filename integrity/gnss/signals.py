@@ -68,19 +68,34 @@ def time_scale_index(satellite: str) -> int:
     return _TIME_SCALE_OF[satellite[0]]
 
 
-@lru_cache(maxsize=4096)
-def delay_band(signal: str) -> int:
-    """Place of the signal's group delay among those of its satellite's ephemeris; UNKNOWN_BAND where the broadcast message has none."""
-    return DELAY_BANDS.get(signal[:1], "").find(signal.partition(".")[2][:1])
+def bands_of(signal: str) -> tuple[str, ...]:
+    """`("1",)` of `G05.1C`, `("1", "2")` of the pair `G05.1C+2W`."""
+    return tuple(code[:1] for code in signal.partition(".")[2].split("+"))
 
 
-def carrier_hz(signal: str, channel: int | None = None) -> float | None:
-    """Carrier frequency; None where it is not known: a band that is no band of the system, GLONASS without its channel (-7 to 6)."""
-    system, band = signal[:1], signal.partition(".")[2][:1]
+def delay_band(system: str, band: str) -> int:
+    """Place of a band's group delay among those of an ephemeris of the system; UNKNOWN_BAND where its message has none."""
+    return DELAY_BANDS.get(system, "").find(band)
+
+
+def carrier_hz(system: str, band: str) -> tuple[float, float] | None:
+    """Carrier frequency, of GLONASS that of channel 0, and how much higher each channel is (0 for all others); None for what is no band."""
     if system == "R" and band in GLONASS_BAND_HZ:
-        first_hz, step_hz = GLONASS_BAND_HZ[band]
-        return None if channel is None or channel not in GLONASS_CHANNELS else first_hz + channel * step_hz
-    return BAND_HZ.get(system + band)
+        return GLONASS_BAND_HZ[band]
+    known_hz = BAND_HZ.get(system + band)
+    return None if known_hz is None else (known_hz, 0.0)
+
+
+def ionosphere_free_weights(system: str, first: str, second: str) -> tuple[float, float] | None:
+    """By which the ranges of two bands add up to one free of ionosphere, to the first order; None where one is no band of the system.
+
+    GLONASS: the channels' frequencies have one ratio, 9 to 7. Source: IS-GPS-200, 20.3.3.3.3.3.
+    """
+    carriers = carrier_hz(system, first), carrier_hz(system, second)
+    if carriers[0] is None or carriers[1] is None or carriers[0] == carriers[1]:
+        return None
+    gamma = (carriers[0][0] / carriers[1][0]) ** 2
+    return gamma / (gamma - 1.0), -1.0 / (gamma - 1.0)
 
 
 @lru_cache(maxsize=4096)

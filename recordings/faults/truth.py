@@ -124,7 +124,7 @@ def _block_and_states(truth: Truth, run: Sequence[RecordedRow]) -> tuple[Observa
     receiver = run[0].row.receiver
     block = build_block((receiver,), [seen.row.receive_time_ns for seen in run], [[seen.row] for seen in run])
     index = truth.store.choose(block.satellites, block.epoch_ns, np.array([seen.arrived for seen in run], dtype=np.int64))
-    states = satellite_states(truth.store.ephemerides, index, state_time_ns(block.epoch_ns))
+    states = satellite_states(truth.store.ephemerides, index, state_time_ns(block.epoch_ns), block.signals)
     measured = np.isfinite(block.pseudorange_m)
     return replace(block, pseudorange_m=np.where(measured, block.pseudorange_m, NOMINAL_RANGE_M)), states
 

@@ -14,7 +14,7 @@ from integrity.gnss.ephemeris.states import Ephemerides, SatelliteStates, accura
 from integrity.gnss.ephemeris.store import EphemerisStore
 from integrity.gnss.observations import ROW_ARRAYS, Bools, Ints, ObservationBlock, build_block
 from integrity.gnss.positioning import Expected, range_sigma_m, state_time_ns
-from integrity.gnss.signals import TIME_SCALES, time_scale_index
+from integrity.gnss.signals import TIME_SCALES, satellite_of, time_scale_index
 from train_client.config import TrainConfig
 from train_client.limits import TrainLimits
 from train_client.outputs import AntennaFix, Fix, MapPlace
@@ -46,9 +46,9 @@ class _Seen(NamedTuple):
 
 
 class _Wanted(NamedTuple):
-    """Which sky: of these satellites at an epoch, with so many ephemerides and this ionosphere known, seen from these segments."""
+    """Which sky: of these signals at an epoch, with so many ephemerides and this ionosphere known, seen from these segments."""
 
-    satellites: tuple[str, ...]
+    signals: tuple[str, ...]
     epoch_ns: int
     arrived: int
     klobuchar: Klobuchar | None
@@ -130,8 +130,8 @@ class FixMaker:
         ephemerides = self._store.ephemerides
         if self._sky is None or self._sky.of != wanted or self._sky.ephemerides is not ephemerides:
             epoch_ns = np.array([wanted.epoch_ns])
-            chosen = self._store.choose(wanted.satellites, epoch_ns, np.array([wanted.arrived]))
-            states = satellite_states(ephemerides, chosen, state_time_ns(epoch_ns))
+            chosen = self._store.choose([satellite_of(s) for s in wanted.signals], epoch_ns, np.array([wanted.arrived]))
+            states = satellite_states(ephemerides, chosen, state_time_ns(epoch_ns), wanted.signals)
             sight = sight_at(self._paths[1], np.array([wanted.segment], dtype=np.int64), states, epoch_ns, wanted.klobuchar)
             self._sky = _Sky(wanted, ephemerides, chosen, states, sight)
         return self._sky
@@ -142,7 +142,7 @@ class FixMaker:
 
     def _seen(self, epoch: AlignedEpoch, signals: frozenset[str] | None, mismatched: Collection[str]) -> _Seen:
         block = build_block(self._train.antenna_ids, [epoch.epoch_ns], [epoch.rows])
-        sky = self._sky_of(_Wanted(block.satellites, epoch.epoch_ns, epoch.arrived, epoch.klobuchar, self._segments()))
+        sky = self._sky_of(_Wanted(block.signals, epoch.epoch_ns, epoch.arrived, epoch.klobuchar, self._segments()))
         a_m, b_m = self._train.sigma_range_m, self._train.sigma_range_low_m
         reasons = _why_unused(block, signals, sky.chosen[0] >= 0, usable(sky.ephemerides, sky.chosen)[0], mismatched)
         good = np.array([not reason for reason in reasons], dtype=np.bool_)

@@ -2,8 +2,8 @@
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from functools import cached_property
-from typing import Any
+from functools import cached_property, lru_cache
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -12,6 +12,7 @@ from integrity.gnss.ephemeris.kepler import GEOSTATIONARY, NO_ORBIT, Parameters,
 from integrity.gnss.ephemeris.state_vectors import geo_states, glonass_states
 from integrity.gnss.gps_time import NS_PER_S
 from integrity.gnss.observations import Bools, Floats, Ints, freeze, slices
+from integrity.gnss.signals import L1_HZ, UNKNOWN_BAND, bands_of, carrier_hz, delay_band, ionosphere_free_weights
 
 _States = Callable[[list[Any], Ints, Ints], Floats]  # of sets of one kind
 DELAYS = 3  # bands with a group delay, at most
@@ -22,7 +23,8 @@ class SatelliteStates:
     """Satellites of a block at the time `t_ns` (E,): position, velocity, acceleration (3, E, S) in ECEF of that time, m, m/s, m/s2.
 
     `clock_s`, `clock_drift_sps` (E, S): what the satellite's clock is ahead of its system's time, relativity and the group delay of the
-    signal included. NaN where no ephemeris serves, or does not say that delay.
+    signal included. `ionosphere` (E, S): by how much more than L1 the ionosphere delays the signal. NaN where no ephemeris serves, or
+    does not say that delay.
     """
 
     t_ns: Ints
@@ -31,6 +33,7 @@ class SatelliteStates:
     acc_ecef_mps2: Floats
     clock_s: Floats
     clock_drift_sps: Floats
+    ionosphere: Floats
 
     def __post_init__(self) -> None:
         freeze(self)
@@ -57,7 +60,7 @@ class Ephemerides(tuple[Ephemeris, ...]):
 
     @cached_property
     def delays_s(self) -> Floats:
-        """Group delays by band as `signals.delay_band` counts, (DELAYS + 1, n + 1); the last row, of bands without, is NaN."""
+        """Group delays by band in the order of `signals.DELAY_BANDS`, (DELAYS + 1, n + 1); the last row, of bands without, is NaN."""
         rows = [[np.nan if d is None else d for d in group_delays_s(eph)] for eph in self] + [[]]
         return np.array([row + [np.nan] * (DELAYS + 1 - len(row)) for row in rows]).T
 
@@ -91,9 +94,21 @@ class Ephemerides(tuple[Ephemeris, ...]):
         return Parameters(*self.columns, *((self.reference_ns - origin_ns) / NS_PER_S))
 
 
-def satellite_states(ephemerides: Sequence[Ephemeris], index: Ints, t_ns: Ints, band: Ints | int = 0) -> SatelliteStates:
-    """States of satellites at GPS times `t_ns` (E,), `index` (E, S) into `ephemerides`, -1 for none; `band` (S,) is that of the group
-    delay (`signals.delay_band`), by default the first.
+class _Delays(NamedTuple):
+    """What a range of each signal (S,) says of delays in two bands: `weight` (2, S) of those in `band` (2, S), group delays in the order of
+    an ephemeris; and how the ionosphere delays it: `free` not at all, else by its frequency, of GLONASS by its channel's."""
+
+    band: Ints
+    weight: Floats
+    free: Bools
+    carrier_hz: Floats
+    channel_hz: Floats
+
+
+def satellite_states(ephemerides: Sequence[Ephemeris], index: Ints, t_ns: Ints, signals: Sequence[str] = ()) -> SatelliteStates:
+    """States of satellites at GPS times `t_ns` (E,), `index` (E, S) into `ephemerides`, -1 for none, for ranges of `signals` (S,).
+
+    Without signals, clocks are those of every satellite's first band, and the ionosphere that of L1.
 
     Accuracy: the broadcast model itself, evaluated to better than 1 mm and 1e-12 s (GLONASS: 1 cm); the acceleration of Kepler orbits is
     that of a point-mass Earth (good to 1e-4 m/s2: 0.01 mm over 0.5 s).
@@ -111,18 +126,29 @@ def satellite_states(ephemerides: Sequence[Ephemeris], index: Ints, t_ns: Ints, 
     if sets.of_states.any():
         _put(out, sets, index, t_ns, GlonassEphemeris, glonass_states)
         _put(out, sets, index, t_ns, GeoEphemeris, geo_states)
-    out[9] -= sets.delays_s[band, index]
-    return SatelliteStates(t_ns, out[0:3], out[3:6], out[6:9], out[9], out[10])
+    of = _delays(tuple(signals))
+    out[9] -= of.weight[0] * sets.delays_s[of.band[0], index] + of.weight[1] * sets.delays_s[of.band[1], index]
+    ionosphere = np.where(of.free, 0.0, (L1_HZ / (of.carrier_hz + of.channel_hz * sets.channel[index])) ** 2)
+    return SatelliteStates(t_ns, out[0:3], out[3:6], out[6:9], out[9], out[10], ionosphere)
 
 
-def _put(
-    out: Floats,
-    sets: Ephemerides,
-    index: Ints,
-    t_ns: Ints,
-    kind: type[Ephemeris],
-    states: _States,
-) -> None:
+@lru_cache(maxsize=256)
+def _delays(signals: tuple[str, ...]) -> _Delays:
+    if not signals:
+        return _Delays(np.zeros((2, 1), dtype=np.int64), np.array([[1.0], [0.0]]), np.array([False]), np.array([L1_HZ]), np.zeros(1))
+    band = np.full((2, len(signals)), UNKNOWN_BAND, dtype=np.int64)
+    weight = np.zeros((2, len(signals)))
+    carrier_hz_ = np.full((2, len(signals)), np.nan)
+    for s, signal in enumerate(signals):
+        system, bands = signal[:1], bands_of(signal)
+        band[:, s] = delay_band(system, bands[0]), delay_band(system, bands[-1])
+        weights = (1.0, 0.0) if len(bands) == 1 else ionosphere_free_weights(system, *bands)
+        weight[:, s] = (np.nan, np.nan) if weights is None else weights
+        carrier_hz_[:, s] = carrier_hz(system, bands[0]) or np.nan
+    return _Delays(band, weight, weight[1] != 0.0, carrier_hz_[0], carrier_hz_[1])
+
+
+def _put(out: Floats, sets: Ephemerides, index: Ints, t_ns: Ints, kind: type[Ephemeris], states: _States) -> None:
     """Where sets of a kind serve, their states into `out` (11, E, S)."""
     of_kind = np.array([*(isinstance(eph, kind) for eph in sets), False])[index]
     if of_kind.any():

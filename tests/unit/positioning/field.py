@@ -109,7 +109,7 @@ def heard_by(
     block = build_block(names, [epoch[0].receive_time_ns for epoch in epochs], epochs)
     store = EphemerisStore(event.ephemeris for event in events if isinstance(event, EphemerisReceived))
     index = store.choose(block.satellites, block.epoch_ns, np.full(len(epochs), len(store)))
-    states = satellite_states(store.ephemerides, index, state_time_ns(block.epoch_ns))
+    states = satellite_states(store.ephemerides, index, state_time_ns(block.epoch_ns), block.signals)
     klobuchar = next(event.klobuchar for event in events if isinstance(event, IonosphereReceived))
     system_of = np.array([time_scale_index(s) for s in block.satellites])
     front_m, _ = run.front(block.epoch_ns)
@@ -160,5 +160,5 @@ def cut(told: Heard, some: slice) -> Heard:
     arrays = {f.name: getattr(b, f.name)[some] for f in fields(ObservationBlock) if f.name not in ("receivers", "signals", "satellites")}
     block = ObservationBlock(b.receivers, b.signals, b.satellites, **arrays)
     vectors = (s.pos_ecef_m[:, some], s.vel_ecef_mps[:, some], s.acc_ecef_mps2[:, some])
-    states = SatelliteStates(s.t_ns[some], *vectors, s.clock_s[some], s.clock_drift_sps[some])
+    states = SatelliteStates(s.t_ns[some], *vectors, s.clock_s[some], s.clock_drift_sps[some], s.ionosphere[some])
     return Heard(block, states, told.klobuchar, told.system_of, told.s_m[some])
