@@ -39,7 +39,7 @@ from recordings.faults.received import FrameAt, Measured, Received, measured, re
 from recordings.faults.reception import frozen, jammed, last_before, with_deadline_ticks
 from recordings.faults.scenario import Fault
 from recordings.faults.splicing import Edit, spliced
-from recordings.faults.truth import RangeChange, RecordedRow, Truth, truth_of
+from recordings.faults.truth import RecordedRow, Truth, truth_of
 from recordings.faults.words import wrong_words
 
 LATER = (Jamming, ReceiverFreeze, ReceiverDrop, ReceiverDuplicate, Delay, CorruptBytes)  # after all that changes ranges, in this order
@@ -49,11 +49,10 @@ LATER = (Jamming, ReceiverFreeze, ReceiverDrop, ReceiverDuplicate, Delay, Corrup
 class _Changes:
     """What the faults so far have made of a recording: rows and events by their place among what was received, frames by where they are.
 
-    `moved`: by how much the ranges of a row were moved in all; `repeats`: the row that is sent in place of another.
+    `repeats`: the row that is sent in place of another.
     """
 
     rows: dict[int, ObservationRow]
-    moved: dict[int, RangeChange] = field(default_factory=dict)
     repeats: dict[int, int] = field(default_factory=dict)
     dropped: set[int] = field(default_factory=set)
     before: dict[int, list[Event]] = field(default_factory=dict)
@@ -117,11 +116,7 @@ def _change(changes: _Changes, fault: Fault, received: Received, truth: Truth, h
         case CorruptBytes() | Delay() | ReceiverDuplicate():
             raise AssertionError(f"{fault.kind} acts after everything else")
         case effect:
-            changed = {}
-            for place, row, change in with_ranges_changed(fault, effect, truth, hit, rows):
-                changed[place] = row
-                before = changes.moved.get(place)
-                changes.moved[place] = change if before is None else RangeChange(*(a + b for a, b in zip(before, change, strict=True)))
+            changed = dict(with_ranges_changed(fault, effect, truth, hit, rows))
     rows |= changed
     return bool(changed)
 
@@ -217,9 +212,7 @@ def _edits(received: Received, changes: _Changes) -> list[Edit]:
             edits.append(Edit(frame.receiver, frame.since, end, b""))
         elif changes.rows[place] is not was:
             source = changes.repeats.get(place, place)
-            payload = rewritten(
-                frame.payload, received.frames[source].payload, _row(received, source), changes.rows[place], changes.moved.get(source)
-            )
+            payload = rewritten(frame.payload, received.frames[source].payload, _row(received, source), changes.rows[place])
             edits.append(Edit(frame.receiver, frame.begin, frame.end, frame_bytes(*frame.kind, payload)))
     return edits
 

@@ -9,16 +9,14 @@ from dataclasses import replace
 
 import numpy as np
 
-from integrity.gnss.constants import SPEED_OF_LIGHT_MPS
 from integrity.gnss.gps_time import NS_PER_S
 from integrity.gnss.observations import Bools, Floats, ObservationRow
 from integrity.gnss.positioning import Points, points_at
-from integrity.gnss.signals import L1_HZ, satellite_of
+from integrity.gnss.signals import satellite_of
 from recordings.faults.kinds import RangeEffect, ReceiverRamp, SatelliteRamp, SatelliteStep, Spoofing
 from recordings.faults.scenario import Fault
 from recordings.faults.truth import RangeChange, RecordedRow, Truth, range_changes, runs, surveyed
 
-L1_WAVELENGTH_M = SPEED_OF_LIGHT_MPS / L1_HZ
 INCOHERENT_CLOCK_M = 300.0  # own choice: 1 us between the spoofer's time and GPS time
 
 Rows = Mapping[int, ObservationRow]  # by place in the events, with the faults so far
@@ -26,16 +24,16 @@ Rows = Mapping[int, ObservationRow]  # by place in the events, with the faults s
 
 def with_ranges_changed(
     fault: Fault, effect: RangeEffect, truth: Truth, hit: Sequence[RecordedRow], rows: Rows
-) -> Iterator[tuple[int, ObservationRow, RangeChange]]:
-    """The rows that the fault changes, by place, and by how much their ranges are moved."""
+) -> Iterator[tuple[int, ObservationRow]]:
+    """The rows that the fault changes, by place."""
     for seen, change in _changes(fault, effect, truth, hit):
         delta_m, rate_mps = (np.where(np.isfinite(part), part, 0.0) for part in change)
         if delta_m.any() or rate_mps.any():
             moved = RangeChange(delta_m, rate_mps)
-            row = _moved(rows[seen.place], moved)
+            row = _moved(rows[seen.place], moved, truth.wavelengths_m(seen.row.signals))
             if isinstance(effect, Spoofing) and not effect.coherent:
                 row = _acquired_anew(row, np.isfinite(change.delta_m), _elapsed_s(fault, seen), truth.site.epoch_interval_ns / NS_PER_S)
-            yield seen.place, row, moved
+            yield seen.place, row
 
 
 def _changes(fault: Fault, effect: RangeEffect, truth: Truth, hit: Sequence[RecordedRow]) -> Iterator[tuple[RecordedRow, RangeChange]]:
@@ -90,12 +88,12 @@ def _elapsed_s(fault: Fault, seen: RecordedRow) -> float:
     return (seen.epoch_ns - fault.start_ns) / NS_PER_S
 
 
-def _moved(row: ObservationRow, change: RangeChange) -> ObservationRow:
+def _moved(row: ObservationRow, change: RangeChange, wavelengths_m: Floats) -> ObservationRow:
     return replace(
         row,
         pseudorange_m=row.pseudorange_m + change.delta_m,
-        carrier_cycles=row.carrier_cycles + change.delta_m / L1_WAVELENGTH_M,
-        doppler_hz=row.doppler_hz - change.rate_mps / L1_WAVELENGTH_M,
+        carrier_cycles=row.carrier_cycles + change.delta_m / wavelengths_m,
+        doppler_hz=row.doppler_hz - change.rate_mps / wavelengths_m,
     )
 
 

@@ -7,6 +7,7 @@ import numpy as np
 
 from integrity.config import SiteConfig
 from integrity.events import Event, Tick
+from integrity.gnss.constants import SPEED_OF_LIGHT_MPS
 from integrity.gnss.gps_time import NS_PER_S
 from integrity.gnss.observations import ROW_ARRAYS, Floats, ObservationRow
 from recordings.faults.kinds import Jamming
@@ -17,6 +18,7 @@ from recordings.faults.truth import RecordedRow, Truth, elevations_rad, runs
 NOMINAL_CN0_DBHZ = 45.0  # own choice, overhead, where a receiver does not say
 NOMINAL_CN0_LOSS_DB = 10.0  # own choice: so much less at the horizon
 LOST_BELOW_DBHZ = 28.0  # tracking threshold of a common receiver
+MOST_JAMMED_WAVELENGTH_M = SPEED_OF_LIGHT_MPS / 1_559.0e6  # the band around L1, E1, B1, G1: L2, L5 and theirs are as they were
 CODE_NOISE_M = 0.3  # at 45 dB-Hz, see code_noise_m
 
 
@@ -29,7 +31,7 @@ def code_noise_m(cn0_dbhz: Floats) -> Floats:
 def jammed(
     fault: Fault, effect: Jamming, truth: Truth, hit: Sequence[RecordedRow], rows: Rows, seed: tuple[int, int]
 ) -> Iterator[tuple[int, ObservationRow]]:
-    """The rows that jamming changes, by place: weaker, noisier by what the drop adds, without the signals that are lost.
+    """The rows that jamming around L1 changes, by place: weaker, noisier by what the drop adds, without the signals that are lost.
 
     The noise of a row depends on the seed, the receiver and the time only. An unknown C/N0 stays unknown; its physics go by a nominal one.
     """
@@ -42,10 +44,11 @@ def jammed(
             if drop_db > 0.0 and row.signals:
                 el_of = dict(zip(seen.row.signals, el_rad, strict=True))
                 chance = np.random.Generator(np.random.PCG64([*seed, names.index(row.receiver), row.receive_time_ns]))
-                yield seen.place, _weakened(row, np.array([el_of[signal] for signal in row.signals]), drop_db, chance)
+                drops_db = np.where(truth.wavelengths_m(row.signals) <= MOST_JAMMED_WAVELENGTH_M, drop_db, 0.0)
+                yield seen.place, _weakened(row, np.array([el_of[signal] for signal in row.signals]), drops_db, chance)
 
 
-def _weakened(row: ObservationRow, el_rad: Floats, drop_db: float, chance: np.random.Generator) -> ObservationRow:
+def _weakened(row: ObservationRow, el_rad: Floats, drop_db: Floats, chance: np.random.Generator) -> ObservationRow:
     nominal_dbhz = NOMINAL_CN0_DBHZ - NOMINAL_CN0_LOSS_DB * (1.0 - np.sin(np.where(np.isfinite(el_rad), el_rad, np.pi / 2.0)))
     before_dbhz = np.where(np.isfinite(row.cn0_dbhz), row.cn0_dbhz, nominal_dbhz)
     after_dbhz = before_dbhz - drop_db
@@ -55,7 +58,7 @@ def _weakened(row: ObservationRow, el_rad: Floats, drop_db: float, chance: np.ra
         pseudorange_m=row.pseudorange_m + added_m * chance.standard_normal(len(row.signals)),
         cn0_dbhz=row.cn0_dbhz - drop_db,
     )
-    kept = after_dbhz >= LOST_BELOW_DBHZ
+    kept = (after_dbhz >= LOST_BELOW_DBHZ) | (drop_db == 0.0)
     return replace(
         noisy,
         signals=tuple(signal for signal, keep in zip(row.signals, kept, strict=True) if keep),

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from itertools import groupby
 from typing import NamedTuple
 
@@ -12,11 +13,13 @@ from integrity.config import SiteConfig
 from integrity.events import EphemerisReceived, Heard, IonosphereReceived, ObservationsReceived
 from integrity.gnss.atmosphere import Klobuchar
 from integrity.gnss.constants import SPEED_OF_LIGHT_MPS
+from integrity.gnss.ephemeris.broadcast import GlonassEphemeris
 from integrity.gnss.ephemeris.states import SatelliteStates, satellite_states
 from integrity.gnss.ephemeris.store import EphemerisStore
 from integrity.gnss.gps_time import NS_PER_S
-from integrity.gnss.observations import Floats, Ints, ObservationBlock, ObservationRow, build_block
+from integrity.gnss.observations import Floats, Ints, ObservationBlock, ObservationRow, build_block, layout_of
 from integrity.gnss.positioning import TRAVEL_TIME_NS, Points, points_at, prefit, state_time_ns
+from integrity.gnss.signals import L1_HZ, bands_of, carrier_hz, satellite_of
 from integrity.station_monitor import Snapshot
 
 MOST_ROWS_PER_RUN = 1024  # bounds the memory of a fault that lasts for hours
@@ -43,6 +46,20 @@ class Truth:
     site: SiteConfig
     rows: tuple[RecordedRow, ...]
     store: EphemerisStore
+
+    @cached_property
+    def channels(self) -> dict[str, int]:
+        """GLONASS frequency numbers by satellite, as the ephemerides have them."""
+        return {eph.satellite: eph.channel for eph in self.store.ephemerides if isinstance(eph, GlonassEphemeris)}
+
+    def wavelengths_m(self, signals: Sequence[str]) -> Floats:
+        """Of carriers (n,). Without ephemeris a GLONASS channel counts as the middle one: 0.25 % off at most."""
+        found = []
+        for signal in signals:
+            carrier = carrier_hz(signal[:1], bands_of(signal)[0])
+            first_hz, step_hz = (L1_HZ, 0.0) if carrier is None else carrier
+            found.append(SPEED_OF_LIGHT_MPS / (first_hz + step_hz * self.channels.get(satellite_of(signal), 0)))
+        return np.array(found)
 
     def covered(self, covers: Callable[[int], bool], receivers: Sequence[str]) -> list[RecordedRow]:
         """Rows of some receivers (of all where none is named) in the epochs that `covers` accepts."""
@@ -99,8 +116,8 @@ def range_changes(truth: Truth, run: Sequence[RecordedRow], there: Points, veloc
     """What the ranges would be `there` minus what they are at the surveyed point; rows of one receiver, points and velocities (E, 1, 3).
 
     Distance and the Earth's rotation exactly (to 0.01 mm), troposphere and ionosphere by the models of the monitor at the latitude,
-    longitude and height that `there` states: with those of the surveyed point only the slant differs, 0.1 mm per 100 m. Rates to
-    0.01 mm/s per km of displacement.
+    longitude and height that `there` states: with those of the surveyed point only the slant differs, 0.1 mm per 100 m. Of every signal as
+    on L1: what the ionosphere changes more on other bands is centimetres over 100 km. Rates to 0.01 mm/s per km of displacement.
     """
     here = surveyed(truth, run[0].row.receiver)
     block, states = _block_and_states(truth, run)
@@ -122,9 +139,10 @@ def range_changes(truth: Truth, run: Sequence[RecordedRow], there: Points, veloc
 def _block_and_states(truth: Truth, run: Sequence[RecordedRow]) -> tuple[ObservationBlock, SatelliteStates]:
     """The rows of one receiver as a block, each at its own time; ranges that were not measured are set to a nominal one."""
     receiver = run[0].row.receiver
-    block = build_block((receiver,), [seen.row.receive_time_ns for seen in run], [[seen.row] for seen in run])
+    layout = layout_of((seen.row for seen in run), codes=None)
+    block = build_block((receiver,), [seen.row.receive_time_ns for seen in run], [[seen.row] for seen in run], layout)
     index = truth.store.choose(block.satellites, block.epoch_ns, np.array([seen.arrived for seen in run], dtype=np.int64))
-    states = satellite_states(truth.store.ephemerides, index, state_time_ns(block.epoch_ns), block.signals)
+    states = satellite_states(truth.store.ephemerides, index, state_time_ns(block.epoch_ns))
     measured = np.isfinite(block.pseudorange_m)
     return replace(block, pseudorange_m=np.where(measured, block.pseudorange_m, NOMINAL_RANGE_M)), states
 

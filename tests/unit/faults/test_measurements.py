@@ -106,7 +106,7 @@ def test_what_is_acquired_anew_is_so_on_all_frequencies() -> None:
         assert [set(of(after[k], 0, sig_id)["locktime_ms"].tolist()) for k in (40, 43)] == [{0}, {3000}]
 
 
-def test_jamming_takes_l1_signals_out_and_leaves_the_others() -> None:
+def test_jamming_takes_signals_around_l1_out_and_leaves_the_others() -> None:
     after = tables(with_fault(EVENTS, Jamming(receivers=("B",), drop_db=15.0)))[50]
     assert 0 < len(of(after, 0, 0)) < len(of(BEFORE[50], 0, 0))
     assert np.array_equal(of(after, 0, 3), of(BEFORE[50], 0, 3))
