@@ -137,14 +137,19 @@ def range_changes(truth: Truth, run: Sequence[RecordedRow], there: Points, veloc
 
 
 def _block_and_states(truth: Truth, run: Sequence[RecordedRow]) -> tuple[ObservationBlock, SatelliteStates]:
-    """The rows of one receiver as a block, each at its own time; ranges that were not measured are set to a nominal one."""
+    """The rows of one receiver as a block, each at its own time; ranges that were not measured are those of another signal of the
+    satellite, or a nominal one."""
     receiver = run[0].row.receiver
     layout = layout_of((seen.row for seen in run), codes=None)
     block = build_block((receiver,), [seen.row.receive_time_ns for seen in run], [[seen.row] for seen in run], layout)
     index = truth.store.choose(block.satellites, block.epoch_ns, np.array([seen.arrived for seen in run], dtype=np.int64))
     states = satellite_states(truth.store.ephemerides, index, state_time_ns(block.epoch_ns))
-    measured = np.isfinite(block.pseudorange_m)
-    return replace(block, pseudorange_m=np.where(measured, block.pseudorange_m, NOMINAL_RANGE_M)), states
+    ranges_m = np.array(block.pseudorange_m)
+    for satellite in dict.fromkeys(block.satellites):
+        columns = [s for s, other in enumerate(block.satellites) if other == satellite]
+        any_m = np.fmax.reduce(ranges_m[:, :, columns], axis=-1, keepdims=True)
+        ranges_m[:, :, columns] = np.where(np.isfinite(ranges_m[:, :, columns]), ranges_m[:, :, columns], any_m)
+    return replace(block, pseudorange_m=np.where(np.isfinite(ranges_m), ranges_m, NOMINAL_RANGE_M)), states
 
 
 def _by_row(block: ObservationBlock, run: Sequence[RecordedRow], values: Floats) -> list[Floats]:
