@@ -15,26 +15,36 @@ from itertools import pairwise
 from pathlib import Path
 from typing import NamedTuple
 
+import numpy as np
+
 from integrity.errors import DecodeError
 from integrity.gnss.gps_time import WEEK_NS, format_utc
-from integrity.gnss.ubx.framing import Frame, Framer, frame_bytes
-from integrity.gnss.ubx.rawx import FIRST_WEEK, RAWX_HEADER, RXM_RAWX, decode_rawx
+from integrity.gnss.ubx.framing import FRAME_BYTES, HEADER_BYTES, Frame, Framer, frame_bytes
+from integrity.gnss.ubx.located import Located, kind_of, locate
+from integrity.gnss.ubx.rawx import FIRST_WEEK, RAWX_HEADER, RXM_RAWX
+from integrity.gnss.ubx.rawx_log import rawx_epochs
+from integrity.gnss.ubx.rxm_raw import FIRST_WEEK as FIRST_WEEK_BEFORE_8
+from integrity.gnss.ubx.rxm_raw import RAW_HEADER, RXM_RAW, decode_raw
+from integrity.gnss.ubx.rxm_sfrb import RXM_SFRB, decode_sfrb
 from integrity.gnss.ubx.sfrbx import RXM_SFRBX, decode_sfrbx
 from recordings.rinex.text import GZIP_MAGIC, broken
 
 CHUNK_BYTES = 1 << 20
+CHECKSUM_BYTES = FRAME_BYTES - HEADER_BYTES
 RINEX_LABELS = (b"RINEX VERSION / TYPE", b"CRINEX VERS   / TYPE")
 LABEL_COLUMNS = slice(60, 80)
 
 TIME_JUMP_NS = WEEK_NS // 2  # within one file: the receiver learned the time, or the week, in between
-RXM_RAW, RXM_SFRB = (0x02, 0x10), (0x02, 0x11)  # measurements and words of generations before 8
 NAMES = {RXM_RAW: "RXM-RAW", RXM_SFRB: "RXM-SFRB", RXM_RAWX: "RXM-RAWX", RXM_SFRBX: "RXM-SFRBX", (0x01, 0x07): "NAV-PVT"}
+
+MEASURED = (RXM_RAWX, RXM_RAW)
+DECODERS_OF_WORDS = {RXM_SFRBX: decode_sfrbx, RXM_SFRB: decode_sfrb}
 
 Kinds = Counter[tuple[int, int]]  # frames by class and id
 
 
 class Piece(NamedTuple):
-    """Bytes of a log up to the end of the RXM-RAWX of `receive_time_ns` (GPS time), which are the last `measured_bytes` of them."""
+    """Bytes of a log up to the end of the RXM-RAWX or RXM-RAW of `receive_time_ns` (GPS time), the last `measured_bytes` of them."""
 
     receive_time_ns: int
     data: bytes
@@ -48,7 +58,7 @@ class Piece(NamedTuple):
 
 @dataclass(frozen=True)
 class UbxLog:
-    """The logs of one receiver: `pieces` by time, then the `tail`; `words` counts RXM-SFRBX.
+    """The logs of one receiver: `pieces` by time, then the `tail`; `words` counts RXM-SFRBX and RXM-SFRB.
 
     `passed_over` counts what stands in these bytes and cannot be decoded, `dropped` what is not among them.
     """
@@ -93,9 +103,14 @@ def read_ubx(paths: Sequence[Path], receiver: str) -> UbxLog:
 
 
 def words_of(pieces: Sequence[Piece]) -> bytes:
-    """The frames of GPS and Galileo navigation words in pieces of a log, and nothing else."""
+    """The frames of navigation words that can be read in pieces of a log, and nothing else."""
     frames = (frame for piece in pieces for frame in Framer().feed(piece.data))
-    return b"".join(frame_bytes(*frame) for frame in frames if _kind(frame) == RXM_SFRBX and decode_sfrbx(frame.payload))
+    return b"".join(frame_bytes(*frame) for frame in frames if _holds_words(frame))
+
+
+def _holds_words(frame: Frame) -> bool:
+    decode = DECODERS_OF_WORDS.get((frame.message_class, frame.message_id))
+    return decode is not None and decode(frame.payload) is not None
 
 
 class _Cutter:
@@ -103,8 +118,8 @@ class _Cutter:
 
     def __init__(self, receiver: str) -> None:
         self._receiver = receiver
-        self._framer = Framer()
         self._since = bytearray()  # the last measurements
+        self._open = b""  # at its end: begins a frame, perhaps
         self._paths: list[str] = []
         self._pieces: list[Piece] = []
         self._words = 0
@@ -121,9 +136,7 @@ class _Cutter:
     def log(self) -> UbxLog:
         """What was read, by time."""
         pieces = self._once(sorted(self._pieces, key=lambda piece: piece.receive_time_ns))
-        self._passed_over["bad frames"] += self._framer.bad_frames
-        self._passed_over["bytes that are not UBX"] += self._framer.skipped_bytes
-        self._passed_over["bytes of a frame that does not end"] += len(self._framer.pending)
+        self._passed_over["bytes of a frame that does not end"] += len(self._open)
         return UbxLog(
             paths=tuple(self._paths),
             pieces=tuple(pieces),
@@ -136,21 +149,24 @@ class _Cutter:
 
     def _cut(self, chunk: bytes) -> list[Piece]:
         """The pieces that a chunk completes."""
-        frames = self._framer.feed(chunk)
-        self._words += sum(_kind(frame) == RXM_SFRBX for frame in frames)
-        measured = [frame for frame in frames if _kind(frame) == RXM_RAWX]
+        data = self._open + chunk
+        frames = locate(np.frombuffer(data, np.uint8))
         self._since += chunk
+        self._open = data[frames.decided_bytes :]
+        self._words += int(np.isin(frames.kind, [kind_of(message) for message in DECODERS_OF_WORDS]).sum())
+        self._passed_over["bad frames"] += frames.bad_frames
+        self._passed_over["bytes that are not UBX"] += frames.skipped_bytes
+        times_ns = _measured_ns(data, frames, self._receiver)
         pieces: list[Piece] = []
-        begin = 0
-        for frame, row in zip(measured, decode_rawx([frame.payload for frame in measured], self._receiver), strict=True):
-            if row is None:
-                self._passed_over[_why_not(frame.payload)] += 1
-                continue
-            whole = frame_bytes(*frame)
-            end = self._since.index(whole, begin) + len(whole)  # no sound frame is passed over: the first one found is the one decoded
-            pieces.append(Piece(row.receive_time_ns, bytes(self._since[begin:end]), len(whole)))
-            begin = end
-        del self._since[:begin]
+        known, cut = len(self._since) - len(data), 0
+        for i in np.flatnonzero(np.isin(frames.kind, [kind_of(message) for message in MEASURED])).tolist():
+            begin, end = int(frames.begin[i]), int(frames.end[i])
+            if i in times_ns:
+                pieces.append(Piece(times_ns[i], bytes(self._since[cut : known + end]), end - begin))
+                cut = known + end
+            else:
+                self._passed_over[_why_not(data[begin:end])] += 1
+        del self._since[:cut]
         return pieces
 
     def _after_jump(self, path: Path, pieces: list[Piece]) -> list[Piece]:
@@ -181,26 +197,37 @@ class _Cutter:
         return kept
 
 
-def _kind(frame: Frame) -> tuple[int, int]:
-    return frame.message_class, frame.message_id
+def _measured_ns(data: bytes, frames: Located, receiver: str) -> dict[int, int]:
+    """GPS time of the measurements in these frames, by number of the frame; those without one that can be used are not there."""
+    epochs = rawx_epochs(np.frombuffer(data, np.uint8), frames)
+    times_ns = dict(zip(epochs.frame.tolist(), epochs.receive_time_ns.tolist(), strict=True))
+    for i in np.flatnonzero(frames.kind == kind_of(RXM_RAW)).tolist():
+        row = decode_raw(data[int(frames.begin[i]) + HEADER_BYTES : int(frames.end[i]) - CHECKSUM_BYTES], receiver)
+        if row is not None:
+            times_ns[i] = row.receive_time_ns
+    return times_ns
 
 
-def _why_not(payload: bytes) -> str:
-    """In words, why RXM-RAWX gave no row."""
-    week = RAWX_HEADER.unpack_from(payload)[1] if len(payload) >= RAWX_HEADER.size else FIRST_WEEK
-    return "measured before the time was known" if week < FIRST_WEEK else "measurements not readable"
+def _why_not(frame: bytes) -> str:
+    """In words, why RXM-RAWX or RXM-RAW gave no row."""
+    old = tuple(frame[2:4]) == RXM_RAW
+    header, first_week = (RAW_HEADER, FIRST_WEEK_BEFORE_8) if old else (RAWX_HEADER, FIRST_WEEK)
+    week = header.unpack_from(frame, HEADER_BYTES)[1] if len(frame) >= FRAME_BYTES + header.size else first_week
+    return "measured before the time was known" if week < first_week else "measurements not readable"
 
 
 def _first_epoch_ns(path: Path, receiver: str) -> int:
     """GPS time of the first measurements in a log; DecodeError where there are none."""
-    framer = Framer()
     kinds: Kinds = Counter()
+    open_ = b""
     for chunk in _chunks(path, Counter()):
-        frames = framer.feed(chunk)
-        for row in decode_rawx([frame.payload for frame in frames if _kind(frame) == RXM_RAWX], receiver):
-            if row is not None:
-                return row.receive_time_ns
-        kinds.update(map(_kind, frames))
+        data = open_ + chunk
+        frames = locate(np.frombuffer(data, np.uint8))
+        open_ = data[frames.decided_bytes :]
+        times_ns = _measured_ns(data, frames, receiver)
+        if times_ns:
+            return times_ns[min(times_ns)]
+        kinds.update((kind >> 8, kind & 0xFF) for kind in frames.kind.tolist())
     raise _nothing_measured(path, kinds)
 
 
@@ -209,12 +236,13 @@ def _nothing_measured(path: Path, kinds: Kinds) -> DecodeError:
     parts = [f"{NAMES[kind]} x {n}" for kind, n in named.items()]
     others = kinds.total() - sum(named.values())
     found = ", ".join(parts + ([f"{others} other messages"] if others else [])) or "no sound UBX frame"
-    if RXM_RAW in kinds or RXM_SFRB in kinds:
-        why = "these measurements are of receivers before generation 8, which Wayside does not read yet; convert the log to RINEX"
-    elif RXM_RAWX in kinds:
-        why = "expected RXM-RAWX with the GPS time, which the receiver never knew; record until it has a position"
+    if RXM_RAWX in kinds or RXM_RAW in kinds:
+        why = "expected measurements with the GPS time, which the receiver never knew; record until it has a position"
     else:
-        why = "expected RXM-RAWX, and RXM-SFRBX for the ephemerides; switch both on at the receiver and record again"
+        why = (
+            "expected RXM-RAWX, and RXM-SFRBX for the ephemerides (before generation 8: RXM-RAW and RXM-SFRB); "
+            "switch both on at the receiver and record again"
+        )
     return DecodeError(f"{path}: found {found}; {why}")
 
 

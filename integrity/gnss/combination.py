@@ -41,6 +41,9 @@ def ionosphere_free(block: ObservationBlock) -> ObservationBlock:
     )
 
 
+MOST_WEIGHT = 5.0  # of L1 and L2 2.5; bands closer to each other make more noise than the ionosphere is worth
+
+
 @lru_cache(maxsize=64)
 def _pairs(signals: tuple[str, ...]) -> tuple[tuple[str, ...], Ints, Ints, Floats]:
     """Names of the pairs, (P,), where their two signals stand, and the weights of these, (2, P)."""
@@ -50,7 +53,7 @@ def _pairs(signals: tuple[str, ...]) -> tuple[tuple[str, ...], Ints, Ints, Float
         for one in FIRST_CODES.get(satellite[0], ()):
             for two in SECOND_CODES.get(satellite[0], ()):
                 weights = ionosphere_free_weights(satellite[0], *bands_of(f"{satellite}.{one}+{two}"))
-                if weights is not None and f"{satellite}.{one}" in place and f"{satellite}.{two}" in place:
+                if weights is not None and weights[0] <= MOST_WEIGHT and f"{satellite}.{one}" in place and f"{satellite}.{two}" in place:
                     found.append((f"{satellite}.{one}+{two}", place[f"{satellite}.{one}"], place[f"{satellite}.{two}"], weights))
     columns = np.array([(first, second) for _, first, second, _ in found], dtype=np.int64).reshape(-1, 2).T
     weight = np.array([weights for *_, weights in found]).reshape(-1, 2).T

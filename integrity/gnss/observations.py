@@ -113,15 +113,15 @@ class Layout(NamedTuple):
 
 
 def layout_of(
-    rows: Iterable[ObservationRow], more_signals: tuple[str, ...] = (), before: Layout | None = None, codes: Codes = MONITORED_CODES
+    rows: Iterable[ObservationRow], more_signals: tuple[str, ...] = (), before: Layout | None = None, codes: Codes | None = MONITORED_CODES
 ) -> Layout:
     """The layout of a block of rows; `more_signals` get a column even where no row has them. It is the one `before` where that serves,
-    which must be of the same `codes`: other signals are passed over.
+    which must be of the same `codes`. Signals of other codes are passed over; None: all are taken.
     """
     row_signals = tuple(dict.fromkeys(row.signals for row in rows))
     if before is not None and before.row_signals == row_signals and before.more_signals == more_signals:
         return before
-    seen = {s for signals in row_signals for s in signals if s.partition(".")[2] in codes.get(s[:1], ())}
+    seen = {s for signals in row_signals for s in signals if codes is None or s.partition(".")[2] in codes.get(s[:1], ())}
     signals = tuple(sorted(seen | set(more_signals), key=preference))
     column_of = {signal: i for i, signal in enumerate(signals)}
     columns = {mine: np.array([column_of.get(s, len(signals)) for s in mine], dtype=np.int64) for mine in row_signals}

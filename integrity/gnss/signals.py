@@ -17,11 +17,12 @@ _TIME_SCALE_OF = {system: TIME_SCALES.index("G" if system in "JS" else system) f
 
 Codes = Mapping[str, tuple[str, ...]]  # by system letter; of several that all receivers track, the first in this order
 
-# Open signals that stand alone in a single-frequency solution: L1, E1, B1I, G1.
+# Open signals that stand alone in a single-frequency solution: L1, E1, B1I (B3I of receivers that track B1C instead of it, whose group
+# delay the older messages do not say), G1.
 FIRST_CODES: Codes = {
     "G": ("1C",),
     "E": ("1C", "1X", "1B"),
-    "C": ("2I",),
+    "C": ("2I", "6I"),
     "R": ("1C",),
     "J": ("1C",),
     "S": ("1C",),

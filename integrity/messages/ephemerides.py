@@ -7,7 +7,7 @@ from integrity.errors import DecodeError
 from integrity.gnss.ephemeris.broadcast import MESSAGES, Ephemeris, GeoEphemeris, GlonassEphemeris, KeplerEphemeris, KeplerMessage
 from integrity.messages import wayside_pb2 as pb
 
-_NAMED = ("message", "accuracy_m", "group_delay_2_s")  # not copied as they are
+_NAMED = ("message", "accuracy_m", "group_delay_2_s", "delta_tau_n_s")  # not copied as they are
 _SHARED = ("satellite", "issue", "healthy", "transmission_ns", "toe_ns", "fit_half_s")
 _KEPLER = tuple(f.name for f in fields(KeplerEphemeris) if f.name not in _NAMED)
 _GLONASS = tuple(f.name for f in fields(GlonassEphemeris) if f.name not in (*_NAMED, *_SHARED))
@@ -21,7 +21,8 @@ def encode_ephemeris(ephemeris: Ephemeris, mono_ns: int) -> pb.Ephemeris:
         case KeplerEphemeris():
             of = _values(ephemeris, _KEPLER) | {"message": ephemeris.message, "group_delay_2_s": ephemeris.group_delay_2_s}
         case GlonassEphemeris():
-            of = _values(ephemeris, _SHARED) | {"glonass": pb.GlonassOrbit(**_values(ephemeris, _GLONASS))}
+            orbit = pb.GlonassOrbit(delta_tau_n_s=ephemeris.delta_tau_n_s, **_values(ephemeris, _GLONASS))
+            of = _values(ephemeris, _SHARED) | {"glonass": orbit}
         case GeoEphemeris():
             of = _values(ephemeris, _SHARED) | {"geo": pb.GeoOrbit(**_values(ephemeris, _GEO))}
     return pb.Ephemeris(mono_ns=mono_ns, accuracy_m=ephemeris.accuracy_m, **of)
@@ -31,7 +32,9 @@ def decode_ephemeris(message: pb.Ephemeris) -> Ephemeris:
     """One broadcast set; DecodeError for a navigation message that is not one of the satellite's system."""
     accuracy_m = message.accuracy_m if message.HasField("accuracy_m") else None
     if message.HasField("glonass"):
-        return GlonassEphemeris(accuracy_m=accuracy_m, **_values(message, _SHARED), **_values(message.glonass, _GLONASS))
+        orbit = message.glonass
+        delta_tau_n_s = orbit.delta_tau_n_s if orbit.HasField("delta_tau_n_s") else None
+        return GlonassEphemeris(accuracy_m=accuracy_m, delta_tau_n_s=delta_tau_n_s, **_values(message, _SHARED), **_values(orbit, _GLONASS))
     if message.HasField("geo"):
         return GeoEphemeris(accuracy_m=accuracy_m, **_values(message, _SHARED), **_values(message.geo, _GEO))
     return KeplerEphemeris(

@@ -487,7 +487,7 @@ class Reached(_message.Message):
     def __init__(self, place: _Optional[_Union[TrackPlace, _Mapping]] = ..., sigma_m: _Optional[float] = ..., facing: _Optional[int] = ..., gps_time_ns: _Optional[int] = ...) -> None: ...
 
 class ReceiverStatus(_message.Message):
-    __slots__ = ["agc", "antenna", "fix_ok", "height_m", "jamming", "lat_rad", "lon_rad", "model", "spoofing"]
+    __slots__ = ["agc", "antenna", "fix_ok", "height_m", "jamming", "lat_rad", "lon_rad", "model", "spoofing", "stated_ecef_m", "virtual"]
     AGC_FIELD_NUMBER: _ClassVar[int]
     ANTENNA_FIELD_NUMBER: _ClassVar[int]
     FIX_OK_FIELD_NUMBER: _ClassVar[int]
@@ -497,6 +497,8 @@ class ReceiverStatus(_message.Message):
     LON_RAD_FIELD_NUMBER: _ClassVar[int]
     MODEL_FIELD_NUMBER: _ClassVar[int]
     SPOOFING_FIELD_NUMBER: _ClassVar[int]
+    STATED_ECEF_M_FIELD_NUMBER: _ClassVar[int]
+    VIRTUAL_FIELD_NUMBER: _ClassVar[int]
     agc: float
     antenna: int
     fix_ok: bool
@@ -506,10 +508,12 @@ class ReceiverStatus(_message.Message):
     lon_rad: float
     model: str
     spoofing: int
-    def __init__(self, model: _Optional[str] = ..., fix_ok: bool = ..., lat_rad: _Optional[float] = ..., lon_rad: _Optional[float] = ..., height_m: _Optional[float] = ..., jamming: _Optional[int] = ..., spoofing: _Optional[int] = ..., antenna: _Optional[int] = ..., agc: _Optional[float] = ...) -> None: ...
+    stated_ecef_m: _containers.RepeatedScalarFieldContainer[float]
+    virtual: bool
+    def __init__(self, model: _Optional[str] = ..., fix_ok: bool = ..., lat_rad: _Optional[float] = ..., lon_rad: _Optional[float] = ..., height_m: _Optional[float] = ..., jamming: _Optional[int] = ..., spoofing: _Optional[int] = ..., antenna: _Optional[int] = ..., agc: _Optional[float] = ..., stated_ecef_m: _Optional[_Iterable[float]] = ..., virtual: bool = ...) -> None: ...
 
 class ReceptionMemory(_message.Message):
-    __slots__ = ["bad_frames", "last_row_ns", "pages", "pending", "receiver", "skipped_bytes", "status_mono_ns", "told"]
+    __slots__ = ["bad_frames", "gps_ahead_ns", "last_row_ns", "pages", "pending", "receiver", "rtcm", "since_mono_ns", "skipped_bytes", "status_mono_ns", "told"]
     class StatusMonoNsEntry(_message.Message):
         __slots__ = ["key", "value"]
         KEY_FIELD_NUMBER: _ClassVar[int]
@@ -518,22 +522,28 @@ class ReceptionMemory(_message.Message):
         value: int
         def __init__(self, key: _Optional[int] = ..., value: _Optional[int] = ...) -> None: ...
     BAD_FRAMES_FIELD_NUMBER: _ClassVar[int]
+    GPS_AHEAD_NS_FIELD_NUMBER: _ClassVar[int]
     LAST_ROW_NS_FIELD_NUMBER: _ClassVar[int]
     PAGES_FIELD_NUMBER: _ClassVar[int]
     PENDING_FIELD_NUMBER: _ClassVar[int]
     RECEIVER_FIELD_NUMBER: _ClassVar[int]
+    RTCM_FIELD_NUMBER: _ClassVar[int]
+    SINCE_MONO_NS_FIELD_NUMBER: _ClassVar[int]
     SKIPPED_BYTES_FIELD_NUMBER: _ClassVar[int]
     STATUS_MONO_NS_FIELD_NUMBER: _ClassVar[int]
     TOLD_FIELD_NUMBER: _ClassVar[int]
     bad_frames: int
+    gps_ahead_ns: int
     last_row_ns: int
     pages: _containers.RepeatedCompositeFieldContainer[NavigationPage]
     pending: bytes
     receiver: str
+    rtcm: RtcmMemory
+    since_mono_ns: int
     skipped_bytes: int
     status_mono_ns: _containers.ScalarMap[int, int]
     told: _containers.RepeatedCompositeFieldContainer[Ephemeris]
-    def __init__(self, receiver: _Optional[str] = ..., pending: _Optional[bytes] = ..., pages: _Optional[_Iterable[_Union[NavigationPage, _Mapping]]] = ..., told: _Optional[_Iterable[_Union[Ephemeris, _Mapping]]] = ..., last_row_ns: _Optional[int] = ..., status_mono_ns: _Optional[_Mapping[int, int]] = ..., bad_frames: _Optional[int] = ..., skipped_bytes: _Optional[int] = ...) -> None: ...
+    def __init__(self, receiver: _Optional[str] = ..., pending: _Optional[bytes] = ..., pages: _Optional[_Iterable[_Union[NavigationPage, _Mapping]]] = ..., told: _Optional[_Iterable[_Union[Ephemeris, _Mapping]]] = ..., last_row_ns: _Optional[int] = ..., status_mono_ns: _Optional[_Mapping[int, int]] = ..., bad_frames: _Optional[int] = ..., skipped_bytes: _Optional[int] = ..., rtcm: _Optional[_Union[RtcmMemory, _Mapping]] = ..., gps_ahead_ns: _Optional[int] = ..., since_mono_ns: _Optional[int] = ...) -> None: ...
 
 class Residual(_message.Message):
     __slots__ = ["b_m", "sigmas", "signal", "used"]
@@ -546,6 +556,37 @@ class Residual(_message.Message):
     signal: str
     used: bool
     def __init__(self, signal: _Optional[str] = ..., used: bool = ..., sigmas: _Optional[float] = ..., b_m: _Optional[_Iterable[float]] = ...) -> None: ...
+
+class RtcmMemory(_message.Message):
+    __slots__ = ["channels", "epoch_ns", "lock_s", "lock_signal", "lock_time_ns", "near_ns", "open_messages", "refused", "told", "undated"]
+    class ChannelsEntry(_message.Message):
+        __slots__ = ["key", "value"]
+        KEY_FIELD_NUMBER: _ClassVar[int]
+        VALUE_FIELD_NUMBER: _ClassVar[int]
+        key: int
+        value: int
+        def __init__(self, key: _Optional[int] = ..., value: _Optional[int] = ...) -> None: ...
+    CHANNELS_FIELD_NUMBER: _ClassVar[int]
+    EPOCH_NS_FIELD_NUMBER: _ClassVar[int]
+    LOCK_SIGNAL_FIELD_NUMBER: _ClassVar[int]
+    LOCK_S_FIELD_NUMBER: _ClassVar[int]
+    LOCK_TIME_NS_FIELD_NUMBER: _ClassVar[int]
+    NEAR_NS_FIELD_NUMBER: _ClassVar[int]
+    OPEN_MESSAGES_FIELD_NUMBER: _ClassVar[int]
+    REFUSED_FIELD_NUMBER: _ClassVar[int]
+    TOLD_FIELD_NUMBER: _ClassVar[int]
+    UNDATED_FIELD_NUMBER: _ClassVar[int]
+    channels: _containers.ScalarMap[int, int]
+    epoch_ns: int
+    lock_s: _containers.RepeatedScalarFieldContainer[float]
+    lock_signal: _containers.RepeatedScalarFieldContainer[str]
+    lock_time_ns: _containers.RepeatedScalarFieldContainer[int]
+    near_ns: int
+    open_messages: _containers.RepeatedScalarFieldContainer[bytes]
+    refused: int
+    told: _containers.RepeatedCompositeFieldContainer[Ephemeris]
+    undated: int
+    def __init__(self, near_ns: _Optional[int] = ..., epoch_ns: _Optional[int] = ..., open_messages: _Optional[_Iterable[bytes]] = ..., channels: _Optional[_Mapping[int, int]] = ..., lock_signal: _Optional[_Iterable[str]] = ..., lock_time_ns: _Optional[_Iterable[int]] = ..., lock_s: _Optional[_Iterable[float]] = ..., told: _Optional[_Iterable[_Union[Ephemeris, _Mapping]]] = ..., refused: _Optional[int] = ..., undated: _Optional[int] = ...) -> None: ...
 
 class SentNonce(_message.Message):
     __slots__ = ["mono_ns", "nonce"]

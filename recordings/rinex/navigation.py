@@ -1,40 +1,49 @@
-"""Navigation files: broadcast ephemerides of GPS and Galileo (I/NAV) and the Klobuchar coefficients, from RINEX 2 and 3.
+"""Navigation files: broadcast ephemerides of all systems and the ionospheres of GPS and Galileo, from RINEX 2, 3 and 4.
 
-Source: RINEX 2.11, tables A3, A4 and section 5; RINEX 3.05, tables A5, A6, A8 and section 6; IS-GPS-200, 20.3.3; Galileo OS SIS ICD, 5.1.
+A record runs to the line that begins the next one, whatever the system; of a damaged file what is beyond doubt is taken and the rest is
+counted. Source: RINEX 2.11, section 5 and tables A3, A10, A15; RINEX 3.05, table A5 and section 6; RINEX 4.02, section 5.
 """
 
 import math
 import re
-from bisect import bisect_left
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 from pathlib import Path
+from typing import NamedTuple
 
 from integrity.gnss.atmosphere import Klobuchar
 from integrity.gnss.ephemeris.broadcast import Ephemeris, KeplerEphemeris
-from integrity.gnss.gps_time import DAY_S, NS_PER_S, WEEK_NS, WEEK_S
-from integrity.gnss.navigation import inav, lnav
-from integrity.gnss.navigation.bits import nearest_ns
-from recordings.rinex.text import Header, RinexText, calendar_ns, read_header, read_text, real, reals
+from integrity.gnss.gps_time import BDT_BEHIND_GPS_NS, NS_PER_S
+from integrity.gnss.navigation.inav import GalileoIonosphere
+from integrity.gnss.signals import SYSTEMS
+from recordings.rinex.navigation_fields import Record, begins_record, epoch_ns, numbers
+from recordings.rinex.navigation_kepler import kepler_of
+from recordings.rinex.navigation_vectors import geo_of, glonass_of
+from recordings.rinex.text import Header, RinexText, read_header, read_text, reals
 
-VERSIONS = ((2.00, 2.12), (3.00, 3.05))
+VERSIONS = ((2.00, 2.12), (3.00, 3.05), (4.00, 4.02))
+VERSIONS_2 = VERSIONS[:1]
+SYSTEM_OF_KIND = {"N": "G", "G": "R", "H": "S"}  # RINEX 2 has a kind of file for each system
 
-GPS_LONGEST_FIT_H = 146.0  # IS-GPS-200, table 20-XII
-USUAL_LEAD_NS = 2 * 3600 * NS_PER_S  # a GPS set is transmitted for 2 h, which its reference time ends
+LINES = {"R": 4, "S": 4}  # of a record
+KEPLER_LINES = 8
+GLONASS_LINES = 5  # since RINEX 3.05
 
-GALILEO_INAV = 0b101  # data sources: I/NAV E1-B, I/NAV E5b-I. RINEX 3.05, table A8
-GALILEO_E1_UNHEALTHY = 0b111  # health: data validity and signal health of E1-B. RINEX 3.05, table A8
-
-RECORD_LINES = 8
-_START_2 = re.compile(r"([ 0][1-9]|[1-9]\d) ([ \d]\d) ([ \d]\d) ([ \d]\d) ([ \d]\d) ([ \d]\d)([ \d]{3})\.(\d)", re.ASCII)
-_START_3 = re.compile(r"([A-Z](?:[ 0][1-9]|[1-9]\d)) (\d{4}) ([ \d]\d) ([ \d]\d) ([ \d]\d) ([ \d]\d) ([ \d]\d)", re.ASCII)
+# What RINEX 4 calls the messages that we read; it has others ("CNAV", "L3OC") and other records (STO, EOP).
+MESSAGES = {"G": ("LNAV",), "J": ("LNAV",), "E": ("INAV", "FNAV"), "C": ("D1", "D2"), "R": ("FDMA",), "S": ("SBAS",)}
+NOTHING_DISTURBED = 0  # the headers of RINEX 3 leave the storm flags out
+IONOSPHERES = {("G", "LNAV"), ("G", "CNVX"), ("E", "IFNV")}
+_HEAD_4 = re.compile(r"> (EPH|STO|EOP|ION) ([A-Z]\d\d) ([A-Z0-9]{2,4})(?: .*)?", re.ASCII)
 
 
 @dataclass(frozen=True)
 class NavigationFile:
-    """A navigation file as read: `ephemerides` in file order, repeated ones included; `problems` counts what was dropped and why."""
+    """A navigation file as read, ephemerides in file order, repeated ones included; `problems` counts what was dropped and why.
+
+    `ephemerides` hold what decisions are made of: of Galileo the sets of I/NAV, while those of F/NAV are `fnav_ephemerides`.
+    """
 
     path: str
     version: float
@@ -42,166 +51,189 @@ class NavigationFile:
     klobuchar: Klobuchar | None
     leap_seconds: int | None
     problems: dict[str, int]
+    fnav_ephemerides: tuple[Ephemeris, ...] = ()
+    galileo_ionosphere: GalileoIonosphere | None = None
+
+
+class _Record(NamedTuple):
+    """The lines of one record, from that with the epoch on, as many as there are; `message` is None where RINEX does not name it."""
+
+    satellite: str
+    message: str | None
+    lines: Record
+    ionosphere: bool = False
 
 
 def read_navigation(path: Path) -> NavigationFile:
-    """Read a navigation file, plain or gzipped. Other systems than GPS and Galileo are passed over.
+    """Read a navigation file, plain or gzipped: GPS, QZSS, Galileo, BeiDou, GLONASS, SBAS.
 
-    DecodeError where the file is not RINEX 2 or 3 navigation data, OSError where it cannot be opened.
+    DecodeError where the file is not RINEX 2, 3 or 4 navigation data, OSError where it cannot be opened.
     """
     text = read_text(path)
-    header = read_header(text, "N", VERSIONS)
+    kind = _kind(text.lines[0])
+    header = read_header(text, kind, VERSIONS if kind == "N" else VERSIONS_2)
     problems: Counter[str] = Counter()
-    ephemerides = _read_ephemerides(text, header, problems)
+    klobuchar, galileo_ionosphere = _klobuchar(header, problems), _galileo_ionosphere(header, problems)
+    ephemerides: list[Ephemeris] = []
+    fnav_ephemerides: list[Ephemeris] = []
+    for record in _records(text, header, SYSTEM_OF_KIND[kind], problems):
+        values = numbers(record.lines, header.version)
+        found = _ionosphere(record, values) if record.ionosphere else _ephemeris(record, values, header.version)
+        match found:
+            case str():
+                problems[found] += 1
+            case Klobuchar():
+                klobuchar = klobuchar or found
+            case GalileoIonosphere():
+                galileo_ionosphere = galileo_ionosphere or found
+            case KeplerEphemeris(message="FNAV"):
+                fnav_ephemerides.append(found)
+            case _:
+                ephemerides.append(found)
     if text.cut:
         problems["file cut off"] += 1
     return NavigationFile(
         path=text.path,
         version=header.version,
         ephemerides=tuple(ephemerides),
-        klobuchar=_klobuchar(header, problems),
-        leap_seconds=header.leap_seconds(problems),
+        klobuchar=klobuchar,
+        leap_seconds=_leap_seconds(header, problems),
         problems=dict(problems),
+        fnav_ephemerides=tuple(fnav_ephemerides),
+        galileo_ionosphere=galileo_ionosphere,
     )
+
+
+def _kind(line: str) -> str:
+    """The kind of navigation file that a first line names; `N`, whose errors say what is wrong, where it names none."""
+    kind = line[20:21].upper()
+    return kind if kind in SYSTEM_OF_KIND and line[60:80].strip() == "RINEX VERSION / TYPE" else "N"
+
+
+def _leap_seconds(header: Header, problems: Counter[str]) -> int | None:
+    """GPS - UTC as the header says; files of BeiDou alone count from the beginning of its time. RINEX 3.04, table A5."""
+    leap_s, line = header.leap_seconds(problems), header.first("LEAP SECONDS")
+    of_beidou = line is not None and (header.system == "C" or line.content[24:27] == "BDS")
+    return leap_s + BDT_BEHIND_GPS_NS // NS_PER_S if leap_s is not None and of_beidou else leap_s
 
 
 def _klobuchar(header: Header, problems: Counter[str]) -> Klobuchar | None:
     if header.version < 3:
         alpha, beta = (header.numbers(label, range(2, 50, 12), problems) for label in ("ION ALPHA", "ION BETA"))
     else:
-        lines = [line for line in header.lines if line.label == "IONOSPHERIC CORR"]
-        found = {line.content[:4]: reals(line.content, range(5, 53, 12)) for line in reversed(lines)}
-        for name in ("GPSA", "GPSB"):
-            if name in found and found[name] is None:
-                problems[f"IONOSPHERIC CORR {name} not readable"] += 1
-        alpha, beta = found.get("GPSA"), found.get("GPSB")
-    if alpha is None or beta is None:
+        alpha, beta = (_correction(header, name, range(5, 53, 12), problems) for name in ("GPSA", "GPSB"))
+    return None if alpha is None or beta is None else _klobuchar_of((*alpha, *beta))
+
+
+def _galileo_ionosphere(header: Header, problems: Counter[str]) -> GalileoIonosphere | None:
+    values = _correction(header, "GAL ", range(5, 41, 12), problems) if header.version >= 3 else None
+    return None if values is None else GalileoIonosphere(values[0], values[1], values[2], NOTHING_DISTURBED)
+
+
+def _correction(header: Header, name: str, columns: range, problems: Counter[str]) -> tuple[float, ...] | None:
+    """The first ionospheric correction of a name in a header of RINEX 3; None where missing, or unreadable (counted)."""
+    line = next((line for line in header.lines if line.label == "IONOSPHERIC CORR" and line.content[:4] == name), None)
+    if line is None:
         return None
-    return Klobuchar(alpha=(alpha[0], alpha[1], alpha[2], alpha[3]), beta=(beta[0], beta[1], beta[2], beta[3]))
+    values = reals(line.content, columns)
+    if values is None:
+        problems[f"IONOSPHERIC CORR {name.strip()} not readable"] += 1
+    return values
 
 
-def _read_ephemerides(text: RinexText, header: Header, problems: Counter[str]) -> list[Ephemeris]:
-    """The records of a file: each runs to the line that begins the next one, whatever the system."""
-    start_line = _START_2 if header.version < 3 else _START_3
-    lines = [line for line in text.lines[header.body :] if line.strip()]
-    starts = [k for k, line in enumerate(lines) if start_line.match(line)]
-    if lines and starts[:1] != [0]:
-        problems["line outside a record"] += starts[0] if starts else len(lines)
-    ephemerides = []
-    for start, stop in pairwise([*starts, len(lines)]):
-        record, surplus = lines[start : min(stop, start + RECORD_LINES)], lines[start + RECORD_LINES : stop]
-        if surplus:
-            problems["record longer than it should be"] += 1
-        if header.version >= 3 and record[0][0] not in "GE":
-            continue
-        if len(record) < RECORD_LINES:
-            problems["record cut off"] += 1
-        elif not surplus or surplus[0][:3].strip():  # else one more data line: it cannot be told which one is too many
-            ephemeris = _ephemeris(record, header.version)
-            if isinstance(ephemeris, Ephemeris):
-                ephemerides.append(ephemeris)
-            else:
-                problems[ephemeris] += 1
-    return ephemerides
+def _klobuchar_of(values: Sequence[float]) -> Klobuchar:
+    """From alpha0 to alpha3, beta0 to beta3."""
+    return Klobuchar(alpha=(values[0], values[1], values[2], values[3]), beta=(values[4], values[5], values[6], values[7]))
 
 
-def _ephemeris(record: Sequence[str], version: float) -> Ephemeris | str:
-    """The ephemeris in the eight lines of a GPS or Galileo record, or why there is none."""
-    toc_ns, values = _toc_ns(record[0], version), _values(record, version)
-    if toc_ns is None:
+def _ionosphere(record: _Record, values: Sequence[float] | None) -> Klobuchar | GalileoIonosphere | str:
+    """Of an ION record of RINEX 4, or why there is none."""
+    needed = 8 if record.satellite[0] == "G" else 3
+    if values is None or len(values) < needed or any(math.isnan(v) for v in values[:needed]):
+        return "ionosphere not readable"
+    if record.satellite[0] == "G":
+        return _klobuchar_of(values)
+    flags = values[3] if len(values) > 3 else math.nan
+    return GalileoIonosphere(values[0], values[1], values[2], int(flags) if 0.0 <= flags < 32.0 else NOTHING_DISTURBED)
+
+
+def _ephemeris(record: _Record, values: Sequence[float] | None, version: float) -> Ephemeris | str:
+    """The ephemeris in a record, or why there is none."""
+    at_ns = epoch_ns(record.lines[0], version)
+    if at_ns is None:
         return "epoch not readable"
     if values is None:
         return "field not a number"
-    # In the order of the file: clock, then broadcast orbits 1 to 7.
-    af0, af1, af2 = values[:3]
-    issue, crs, delta_n, m0 = values[3:7]
-    cuc, e, cus, sqrt_a = values[7:11]
-    toe_s, cic, omega0, cis = values[11:15]
-    i0, crc, omega, omega_dot = values[15:19]
-    i_dot, source, _week, _ = values[19:23]
-    accuracy, health, first_delay_s, second = values[23:27]  # GPS: TGD, IODC; Galileo: BGD(E1,E5a), BGD(E1,E5b)
-    transmission_s, fit_h = values[27:29]
-
-    satellite = f"G{record[0][:2]}" if version < 3 else record[0][:3]
-    galileo = satellite[0] == "E"
-    if any(math.isnan(v) for v in (issue, toe_s, health, *([source] if galileo else []))):
-        return "field missing"
-    if not (0.0 <= toe_s <= WEEK_S and 0.0 <= issue < 1024.0 and issue.is_integer() and 0.0 <= health < 512.0):
-        return "reference time, issue or health out of range"
-    if galileo and not int(source) & GALILEO_INAV:
-        return "Galileo F/NAV, not used for E1"
-    # The week next to the epoch, which the week field repeats: some files have it modulo 1024, or that of the transmission.
-    toe_ns = nearest_ns(round(toe_s * NS_PER_S), toc_ns, WEEK_NS)
-    ephemeris = KeplerEphemeris(
-        satellite=satellite.replace(" ", "0"),
-        message="INAV" if galileo else "LNAV",
-        issue=int(issue),
-        healthy=not int(health) & GALILEO_E1_UNHEALTHY if galileo else health == 0.0,
-        accuracy_m=_sisa_m(accuracy) if galileo else _ura_m(accuracy),
-        transmission_ns=_transmission_ns(transmission_s, toe_ns),
-        toe_ns=toe_ns,
-        toc_ns=toc_ns,
-        fit_half_s=inav.FIT_HALF_S if galileo else _gps_fit_half_s(fit_h),
-        sqrt_a=sqrt_a,
-        e=e,
-        i0=i0,
-        omega0=omega0,
-        omega=omega,
-        m0=m0,
-        delta_n=delta_n,
-        i_dot=i_dot,
-        omega_dot=omega_dot,
-        cuc=cuc,
-        cus=cus,
-        crc=crc,
-        crs=crs,
-        cic=cic,
-        cis=cis,
-        af0=af0,
-        af1=af1,
-        af2=af2,
-        group_delay_s=second if galileo else first_delay_s,
-        group_delay_2_s=first_delay_s if galileo else None,
-    )
-    return ephemeris.implausibility() or ephemeris
+    match record.satellite[0]:
+        case "R":
+            found: Ephemeris | str = glonass_of(record.satellite, at_ns, values)
+        case "S":
+            found = geo_of(record.satellite, at_ns, values)
+        case _:
+            found = kepler_of(record.satellite, record.message, at_ns, values)
+    return found if isinstance(found, str) else found.implausibility() or found
 
 
-def _values(record: Sequence[str], version: float) -> list[float] | None:
-    """The 31 numbers D19.12 of a record, NaN for blank; None if one of them is anything else or cut short."""
-    start = 3 if version < 3 else 4
-    texts = [record[0][start + k : start + k + 19] for k in (19, 38, 57)]
-    texts += [line[start + k : start + k + 19] for line in record[1:] for k in (0, 19, 38, 57)]
-    values = [math.nan if not text.strip() else real(text) if len(text) == 19 else None for text in texts]
-    return None if None in values else [v for v in values if v is not None]
+def _records(text: RinexText, header: Header, system_2: str, problems: Counter[str]) -> Iterator[_Record]:
+    """The records of systems and messages that we read, each with as many lines as it should have."""
+    version, lines = header.version, text.lines[header.body :]
+    for record in _found_4(lines, problems) if version >= 4 else _found(lines, version, system_2, problems):
+        if record.ionosphere:
+            yield record._replace(lines=_written(record.lines))
+            continue
+        system = record.satellite[0]
+        expected = GLONASS_LINES if system == "R" and version >= 3.05 else LINES.get(system, KEPLER_LINES)
+        found = _written(record.lines)
+        if expected == GLONASS_LINES and len(found) == expected - 1 and not "".join(record.lines[expected - 1 : expected]).strip():
+            found += record.lines[expected - 1 : expected]  # nothing in this line need be known
+        surplus = found[expected : expected + 1]
+        if surplus:
+            problems["record longer than it should be"] += 1
+        if len(found) < expected:
+            problems["record cut off"] += 1
+        elif not surplus or surplus[0][:3].strip():  # else one more data line: it cannot be told which one is too many
+            yield record._replace(lines=found[:expected])
 
 
-def _toc_ns(line: str, version: float) -> int | None:
-    if match := (_START_2 if version < 3 else _START_3).match(line):
-        return calendar_ns(match.groups()[1:7], int(match[8]) * NS_PER_S // 10 if version < 3 else 0)
-    return None
+def _written(lines: Sequence[str]) -> list[str]:
+    """Lines that are not blank: some files have blank ones between the others, or at their end."""
+    return [line for line in lines if line.strip()]
 
 
-def _transmission_ns(time_of_week_s: float, toe_ns: int) -> int:
-    """When a set was transmitted; as usual before toe where the file does not say (blank, 0.9999E9) or says a time over a day from toe."""
-    if -WEEK_S <= time_of_week_s <= 2 * WEEK_S:
-        transmission_ns = nearest_ns(round(time_of_week_s * NS_PER_S), toe_ns, WEEK_NS)
-        if abs(transmission_ns - toe_ns) <= DAY_S * NS_PER_S:
-            return transmission_ns
-    return toe_ns - USUAL_LEAD_NS
+def _found(lines: Sequence[str], version: float, system_2: str, problems: Counter[str]) -> Iterator[_Record]:
+    """The records of RINEX 2, all of one system, and 3."""
+    starts = [k for k, line in enumerate(lines) if begins_record(line, version)]
+    _count_lines_before(lines[: starts[0] if starts else None], problems)
+    for start, stop in pairwise([*starts, len(lines)]):
+        name = system_2 + lines[start][:2] if version < 3 else lines[start][:3]
+        if name[0] in SYSTEMS:
+            yield _Record(name.replace(" ", "0"), None, lines[start:stop])
+        else:
+            problems[f"system {name[0]}, not used"] += 1
 
 
-def _ura_m(value_m: float) -> float | None:
-    """Upper bound of the accuracy that a file gives as nominal value or upper bound; None where the satellite promises none."""
-    return lnav.URA_UPPER_M[bisect_left(lnav.URA_UPPER_M, value_m)] if 0.0 <= value_m <= lnav.URA_UPPER_M[-1] else None
+def _count_lines_before(lines: Sequence[str], problems: Counter[str]) -> None:
+    """Of the first record."""
+    if outside := len(_written(lines)):
+        problems["line outside a record"] += outside
 
 
-def _sisa_m(value_m: float) -> float | None:
-    """SISA as it stands; None for "no accuracy prediction available" (negative) and for blank."""
-    return value_m if value_m >= 0.0 else None
-
-
-def _gps_fit_half_s(fit_h: float) -> float:
-    """Half of the fit interval; the file has hours, or in old ones the flag itself (RINEX 3.05, 6.11), or nothing."""
-    if fit_h == 1.0:
-        return lnav.FIT_HALF_S[1]
-    return fit_h * 1800.0 if 4.0 < fit_h <= GPS_LONGEST_FIT_H else lnav.FIT_HALF_S[0]
+def _found_4(lines: Sequence[str], problems: Counter[str]) -> Iterator[_Record]:
+    """The records of RINEX 4, each under a line that says what it is."""
+    starts = [k for k, line in enumerate(lines) if line[:1] == ">"]
+    _count_lines_before(lines[: starts[0] if starts else None], problems)
+    for start, stop in pairwise([*starts, len(lines)]):
+        head, body = _HEAD_4.fullmatch(lines[start].rstrip()), lines[start + 1 : stop]
+        if head is None:
+            problems["head of a record not readable"] += 1
+            continue
+        kind, satellite, message = head.groups()
+        system = satellite[0]
+        if kind == "ION" and (system, message) in IONOSPHERES:
+            yield _Record(satellite, message, body, ionosphere=True)
+        elif kind != "EPH" or message not in MESSAGES.get(system, ()):
+            problems[f"{kind} {message} of system {system}, not used"] += 1
+        elif not body or not begins_record(body[0], 4.0) or body[0][:3].replace(" ", "0") != satellite:
+            problems["record differs from its head"] += 1
+        else:
+            yield _Record(satellite, message, body)

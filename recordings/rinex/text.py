@@ -134,7 +134,7 @@ def _unpacked(path: Path, data: bytes) -> tuple[bytes, bool]:
 
 def read_header(text: RinexText, kind: str, versions: Sequence[tuple[float, float]]) -> Header:
     """The header of a file of a kind (`O` or `N`) whose version is in one of the ranges; DecodeError for any other file."""
-    number, label, content = _header_line(1, text.lines[0])
+    number, label, content = header_line(1, text.lines[0])
     if label == "CRINEX VERS   / TYPE":
         raise broken(text.path, number, "Hatanaka-compressed RINEX", KINDS[kind] + " as plain RINEX", "expand the file with CRX2RNX first")
     if label != "RINEX VERSION / TYPE":
@@ -150,16 +150,12 @@ def read_header(text: RinexText, kind: str, versions: Sequence[tuple[float, floa
         raise broken(text.path, number, found, f"{kind!r} for {KINDS[kind]}", f"give the file with the {KINDS[kind]}")
     header: list[HeaderLine] = []
     for number, raw in enumerate(text.lines, start=1):
-        header.append(_header_line(number, raw))
+        header.append(header_line(number, raw))
         if header[-1].label == "END OF HEADER":
             return Header(version, content[40].upper(), tuple(header), body=number)
     raise broken(text.path, len(text.lines), "the end of the file", "END OF HEADER before it", "fetch the file again")
 
 
-def header_lines(text: RinexText, start: int, stop: int) -> tuple[HeaderLine, ...]:
-    """Lines by index as header lines, as they follow an event flag 4 among observations."""
-    return tuple(_header_line(k + 1, text.lines[k]) for k in range(start, stop))
-
-
-def _header_line(number: int, raw: str) -> HeaderLine:
+def header_line(number: int, raw: str) -> HeaderLine:
+    """A line of a header, or of header lines among observations (event flag 4), by its number in the file."""
     return HeaderLine(number, raw[60:80].strip(), raw[:60].ljust(60))

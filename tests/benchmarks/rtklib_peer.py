@@ -1,24 +1,32 @@
 """RTKLIB's single-point solution of a RINEX file, timed: the peer that our own solver is measured against.
 
     python -m tests.benchmarks.rtklib_peer OBS NAV X Y Z --systems GE --mask-deg 10 --repeats 5
+    RTKLIB_BINDING=pyrtklib python -m tests.benchmarks.rtklib_peer OBS NAV X Y Z --raim --fault-m 100
 
 A process of its own, because RTKLIB keeps global state and its options are one global object. It prints one JSON object. Only the
 calls of `pntpos` are timed: files are read, unwanted systems dropped and each epoch's observations laid out beforehand, results are
 fetched in a pass of its own afterwards, and each call starts from the last position, as RTKLIB's own programs do. What the binding
 costs is measured on the same call without observations, which RTKLIB answers at once (`binding_us`; included in `us_per_epoch`).
+
+The binding is pyrtklib5 (RTKLIB demo5), or what RTKLIB_BINDING names: pyrtklib (RTKLIB 2.4.3, whose detection and exclusion of faults,
+`raim_fde`, runs where the chi-square test of a solution fails; demo5 goes on with such solutions and never runs it). A process has room
+for one of them.
 """
 
 import argparse
+import importlib
 import json
 import math
+import os
 import time
 from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
-import pyrtklib5 as rtklib
 
 from integrity.gnss.gps_time import GPS_EPOCH_UNIX_S, NS_PER_S
+
+rtklib = importlib.import_module(os.environ.get("RTKLIB_BINDING", "pyrtklib5"))
 
 SYSTEMS = {"G": rtklib.SYS_GPS, "E": rtklib.SYS_GAL}
 GALILEO_INAV = 0x200  # bit 9 of the RINEX data source word: clock and group delay are those of E1, E5b
@@ -38,6 +46,7 @@ class Epoch(NamedTuple):
 class Solution(NamedTuple):
     pos_ecef_m: tuple[float, float, float] | None
     satellites: list[str]
+    highest: int | None  # place of the highest satellite used among the epoch's observations
 
 
 def system_and_prn(satellite_number: int) -> tuple[int, int]:
@@ -98,8 +107,8 @@ def epochs_of(obs: Any) -> list[Epoch]:
     return epochs
 
 
-def options(systems: str, mask_deg: float) -> Any:
-    """Single point, L1, broadcast orbits, Klobuchar, Saastamoinen, no RAIM; what is not set here is RTKLIB's default."""
+def options(systems: str, mask_deg: float, raim: bool = False) -> Any:
+    """Single point, L1, broadcast orbits, Klobuchar, Saastamoinen; what is not set here is RTKLIB's default."""
     opt = rtklib.prcopt_default
     opt.mode = rtklib.PMODE_SINGLE
     opt.nf = 1
@@ -108,7 +117,7 @@ def options(systems: str, mask_deg: float) -> Any:
     opt.sateph = rtklib.EPHOPT_BRDC
     opt.ionoopt = rtklib.IONOOPT_BRDC
     opt.tropopt = rtklib.TROPOPT_SAAS
-    opt.posopt[4] = 0  # RAIM FDE
+    opt.posopt[4] = int(raim)  # RAIM FDE
     return opt
 
 
@@ -138,13 +147,28 @@ def solve(epochs: Sequence[Epoch], nav: Any, opt: Any) -> list[Solution]:
     solutions = []
     for epoch in epochs:
         if rtklib.pntpos(epoch.first, epoch.n, nav, opt, sol, azel, first_status, message) != 1:
-            solutions.append(Solution(None, []))
+            solutions.append(Solution(None, [], None))
             continue
         numbers = [epoch.observations[i].sat for i in range(epoch.n)]
         used = [n for n in numbers if status[n - 1].vs]
         satellites = sorted(names.setdefault(n, name_of(n)) for n in used)
-        solutions.append(Solution((sol.rr[0], sol.rr[1], sol.rr[2]), satellites))
+        in_use = [i for i, n in enumerate(numbers) if status[n - 1].vs]
+        highest = max(in_use, key=lambda i: status[numbers[i] - 1].azel[1])
+        solutions.append(Solution((sol.rr[0], sol.rr[1], sol.rr[2]), satellites, highest))
     return solutions
+
+
+def make_faulty(epochs: Sequence[Epoch], nav: Any, opt: Any, fault_m: float) -> list[str | None]:
+    """Make the range of the highest satellite used in each epoch longer; which it is, None where there is no solution."""
+    faulty: list[str | None] = []
+    for epoch, solution in zip(epochs, solve(epochs, nav, opt), strict=True):
+        if solution.highest is None:
+            faulty.append(None)
+            continue
+        observation = epoch.observations[solution.highest]
+        observation.P[0] += fault_m
+        faulty.append(name_of(observation.sat))
+    return faulty
 
 
 def report(epochs: Sequence[Epoch], nav: Any, opt: Any, truth_ecef_m: Sequence[float], repeats: int) -> dict[str, Any]:
@@ -176,12 +200,15 @@ def main() -> None:
     parser.add_argument("--mask-deg", type=float, default=10.0)
     parser.add_argument("--repeats", type=int, default=5)
     parser.add_argument("--inav-only", action="store_true", help="drop Galileo F/NAV, so that RTKLIB applies BGD(E1,E5b) everywhere")
+    parser.add_argument("--raim", action="store_true", help="let RTKLIB detect and exclude faults")
+    parser.add_argument("--fault-m", type=float, default=0.0, help="how much longer the range of each epoch's highest satellite is made")
     arguments = parser.parse_args()
     obs, nav = read_rinex(arguments.obs, arguments.nav, arguments.systems)
     if arguments.inav_only:
         drop_fnav(nav)
-    opt = options(arguments.systems, arguments.mask_deg)
-    print(json.dumps(report(epochs_of(obs), nav, opt, arguments.truth_ecef_m, arguments.repeats)))
+    opt, epochs = options(arguments.systems, arguments.mask_deg, arguments.raim), epochs_of(obs)
+    faulty = make_faulty(epochs, nav, opt, arguments.fault_m) if arguments.fault_m else []
+    print(json.dumps(report(epochs, nav, opt, arguments.truth_ecef_m, arguments.repeats) | {"faulty": faulty}))
 
 
 if __name__ == "__main__":

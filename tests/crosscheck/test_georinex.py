@@ -1,16 +1,18 @@
-"""Our RINEX reading against georinex, number by number, on recordings of eight receivers and on four navigation files.
+"""Our RINEX reading against georinex, number by number and signal by signal, on recordings of nine receivers and on navigation files.
 
 Both take the same decimals from the same columns: no tolerance, but of a millisecond in the epochs.
 """
 
 import gzip
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 
-from integrity.gnss.gps_time import GPS_EPOCH_UNIX_S, NS_PER_S, WEEK_S
+from integrity.gnss.ephemeris.broadcast import Ephemeris, KeplerEphemeris
+from integrity.gnss.gps_time import BDT_BEHIND_GPS_NS, GPS_EPOCH_UNIX_S, NS_PER_S, utc_from_gps
 from recordings.rinex.navigation import read_navigation
 from recordings.rinex.observation import read_observations
 
@@ -19,16 +21,25 @@ pytestmark = pytest.mark.filterwarnings("ignore:In a future version of xarray:Fu
 
 georinex = pytest.importorskip("georinex")
 
-RINEX2 = ("C1", "L1", "D1", "S1")
-RINEX3 = ("C1C", "L1C", "D1C", "S1C")
+RINEX2 = {"1C": ("C1", "L1", "D1", "S1"), "2W": ("P2", "L2", "D2", "S2")}
+RINEX3 = {code: tuple(kind + code for kind in "CLDS") for code in ("1C", "2W", "2L", "5Q", "7Q", "2I", "7I", "6I", "2C", "3Q", "5I")}
+SYSTEMS = "GECRJS"
 ORBIT = {  # ours, and the same in georinex
     "af0": "SVclockBias", "af1": "SVclockDrift", "af2": "SVclockDriftRate", "sqrt_a": "sqrtA", "e": "Eccentricity", "i0": "Io",
     "omega0": "Omega0", "omega": "omega", "m0": "M0", "delta_n": "DeltaN", "i_dot": "IDOT", "omega_dot": "OmegaDot", "cuc": "Cuc",
     "cus": "Cus", "crc": "Crc", "crs": "Crs", "cic": "Cic", "cis": "Cis",
 }  # fmt: skip
-FIELDS = {
-    "G": ORBIT | {"issue": "IODE", "group_delay_s": "TGD"},
-    "E": ORBIT | {"issue": "IODnav", "group_delay_s": "BGDe5b"},
+VECTORS = {
+    "x_m": "X", "y_m": "Y", "z_m": "Z", "vx_mps": "dX", "vy_mps": "dY", "vz_mps": "dZ",
+    "ax_mps2": "dX2", "ay_mps2": "dY2", "az_mps2": "dZ2",
+}  # fmt: skip
+FIELDS = {  # by message
+    "LNAV": ORBIT | {"issue": "IODE", "group_delay_s": "TGD"},
+    "INAV": ORBIT | {"issue": "IODnav", "group_delay_s": "BGDe5b", "group_delay_2_s": "BGDe5a"},
+    "FNAV": ORBIT | {"issue": "IODnav", "group_delay_s": "BGDe5a"},
+    "D1": ORBIT | {"issue": "AODE", "group_delay_s": "TGD1", "group_delay_2_s": "TGD2"},
+    "R": VECTORS | {"channel": "FreqNum", "gamma_n": "SVrelFreqBias"},
+    "S": VECTORS | {"issue": "IODN", "af0": "SVclockBias", "af1": "SVrelFreqBias"},
 }
 
 
@@ -43,8 +54,8 @@ def datetime_ns(gps_ns: int) -> np.datetime64:
     return np.datetime64(gps_ns + GPS_EPOCH_UNIX_S * NS_PER_S, "ns")
 
 
-def compare(path: Path, theirs: Any, names: tuple[str, ...]) -> int:
-    """Compare every number of either side, all of code 1C; returns how many pseudoranges there are."""
+def compare(path: Path, theirs: Any, signals: Mapping[str, tuple[str, ...]]) -> int:
+    """Compare every number of either side; returns how many pseudoranges there are."""
     file = read_observations(path, "A")
     times = np.array([datetime_ns(row.receive_time_ns) for row in file.rows])
     assert len(times) == len(theirs.time)
@@ -53,14 +64,19 @@ def compare(path: Path, theirs: Any, names: tuple[str, ...]) -> int:
         (row.receive_time_ns, signal): (row.pseudorange_m[k], row.carrier_cycles[k], row.doppler_hz[k], row.cn0_dbhz[k])
         for row in file.rows
         for k, signal in enumerate(row.signals)
+        if signal.partition(".")[2] in signals
     }
     missing = np.full((len(theirs.time), len(theirs.sv)), np.nan)
-    expected = np.stack([theirs[name].transpose("time", "sv").values if name in theirs else missing for name in names], axis=-1)
-    expected[expected == 0.0] = np.nan  # 0.0 is "not measured" (RINEX 2.11, 5.3), which georinex leaves as it stands
-    places = [(t, s) for t, s in np.argwhere(np.isfinite(expected[..., 0])).tolist() if theirs.sv.values[s][0] in "GE"]
-    keys = [(file.rows[t].receive_time_ns, f"{theirs.sv.values[s]}.1C") for t, s in places]
+    keys: list[tuple[int, str]] = []
+    numbers: list[Any] = []
+    for code, names in signals.items():
+        expected = np.stack([theirs[name].transpose("time", "sv").values if name in theirs else missing for name in names], axis=-1)
+        expected[expected == 0.0] = np.nan  # 0.0 is "not measured" (RINEX 2.11, 5.3), which georinex leaves as it stands
+        places = [(t, s) for t, s in np.argwhere(np.isfinite(expected[..., 0])).tolist() if theirs.sv.values[s][0] in SYSTEMS]
+        keys += [(file.rows[t].receive_time_ns, f"{theirs.sv.values[s]}.{code}") for t, s in places]
+        numbers += [expected[place] for place in places]
     assert set(keys) == ours.keys()
-    np.testing.assert_array_equal([ours[key] for key in keys], [expected[place] for place in places])
+    np.testing.assert_array_equal([ours[key] for key in keys], numbers)
     return len(keys)
 
 
@@ -76,7 +92,7 @@ def compare(path: Path, theirs: Any, names: tuple[str, ...]) -> int:
 )
 def test_rinex2_observations(shared_data: Path, name: str) -> None:
     path = shared_data / name
-    assert compare(path, georinex.load(path, use="G", meas=list(RINEX2)), RINEX2) > 900
+    assert compare(path, georinex.load(path, use="G", meas=[name for names in RINEX2.values() for name in names]), RINEX2) > 1800
 
 
 @pytest.mark.parametrize(
@@ -84,32 +100,52 @@ def test_rinex2_observations(shared_data: Path, name: str) -> None:
 )
 def test_rinex3_observations(shared_data: Path, tmp_path: Path, name: str) -> None:
     path = first_epochs(shared_data / name, tmp_path / "first.rnx", epochs=20)
-    assert compare(path, georinex.load(path, use={"G", "E"}, meas=list(RINEX3)), RINEX3) > 300
+    theirs = georinex.load(path, use=set(SYSTEMS), meas=[name for names in RINEX3.values() for name in names])
+    assert compare(path, theirs, RINEX3) > 1000
+
+
+def message_of(satellite: str, data_sources: float) -> str:
+    """Key of `FIELDS`."""
+    if satellite[0] == "E":
+        return "INAV" if int(data_sources) & 0b101 else "FNAV"
+    return {"G": "LNAV", "J": "LNAV", "C": "D1"}.get(satellite[0], satellite[0])
+
+
+def written_ns(eph: Ephemeris) -> int:
+    """The epoch of a set as the file writes it, by its system's own time."""
+    at_ns = eph.toc_ns if isinstance(eph, KeplerEphemeris) else eph.toe_ns
+    if eph.satellite[0] == "R":
+        return utc_from_gps(at_ns) - GPS_EPOCH_UNIX_S * NS_PER_S
+    return at_ns - (BDT_BEHIND_GPS_NS if eph.satellite[0] == "C" else 0)
 
 
 @pytest.mark.parametrize(
-    "name", ["catalonia_2010/brdc0770.10n.gz", "gsi_2005/07590920.05n.gz", "spp_truth/SEPT078M.21P.gz", "nagoya_static/base.nav.gz"]
+    "name",
+    [
+        "catalonia_2010/brdc0770.10n.gz",
+        "gsi_2005/07590920.05n.gz",
+        "nagoya_static/base.nav.gz",
+        "rosalia_2025/rref001g00.25p.gz",
+        "spp_truth/SEPT078M.21P.gz",
+        "tokyo_sbas_2008/oemv_200911218.nav.gz",
+    ],
 )
 def test_navigation(shared_data: Path, name: str) -> None:
-    path = shared_data / name
-    ours = {
-        (
-            eph.satellite,
-            datetime_ns(eph.toc_ns),
-            eph.toe_ns // NS_PER_S % WEEK_S,
-            *(getattr(eph, field) for field in FIELDS[eph.satellite[0]]),
-        )
-        for eph in read_navigation(path).ephemerides
-    }
-    data = georinex.load(path, use={"G", "E"})
+    file = read_navigation(shared_data / name)
+    ours = set()
+    for eph in (*file.ephemerides, *file.fnav_ephemerides):
+        of_fnav = isinstance(eph, KeplerEphemeris) and eph.message == "FNAV"
+        message = message_of(eph.satellite, 0b010 if of_fnav else 0b101)
+        ours.add((eph.satellite, message, datetime_ns(written_ns(eph)), *(getattr(eph, field) for field in FIELDS[message])))
+    data = georinex.load(shared_data / name)
     column = {name: data[name].transpose("time", "sv").values for name in data.data_vars}
     theirs = set()
-    for t, s in np.argwhere(np.isfinite(column["sqrtA"])).tolist():
+    for t, s in np.argwhere(np.isfinite(column["SVclockBias"])).tolist():
         satellite = str(data.sv.values[s])[:3]  # a second set of the same time is G05_1 there
-        fnav = satellite[0] == "E" and not int(column["DataSrc"][t, s]) & 0b101
-        if not fnav and column["Eccentricity"][t, s] < 0.1:  # not the two Galileo satellites in wrong orbits
-            numbers = (float(column[name][t, s]) for name in ("Toe", *FIELDS[satellite[0]].values()))
-            theirs.add((satellite, data.time.values[t].astype("datetime64[ns]"), *numbers))
+        message = message_of(satellite, column["DataSrc"][t, s] if "DataSrc" in column and satellite[0] == "E" else 0.0)
+        if satellite[0] in "RS" or column["Eccentricity"][t, s] < 0.1:  # not the two Galileo satellites in wrong orbits
+            numbers = (float(column[field][t, s]) for field in FIELDS[message].values())
+            theirs.add((satellite, message, data.time.values[t].astype("datetime64[ns]"), *numbers))
     assert ours == theirs
 
 

@@ -1,4 +1,4 @@
-"""Positions of a whole block against RTKLIB's, epoch by epoch: what `python -m tests.benchmarks.solve` measures, without its times."""
+"""Positions of whole blocks against RTKLIB's, epoch by epoch: what `python -m tests.benchmarks.solve` measures, without its times."""
 
 from pathlib import Path
 from types import ModuleType
@@ -9,14 +9,16 @@ import pytest
 from tests.benchmarks import solve
 
 
-@pytest.fixture(scope="module")
-def comparison(shared_data: Path, rtklib: ModuleType) -> dict[str, Any]:
-    return solve.run(repeats=1)
+@pytest.fixture(scope="module", params=sorted(solve.SETS))
+def comparison(shared_data: Path, rtklib: ModuleType, request: pytest.FixtureRequest) -> dict[str, Any]:
+    if ".crx" in solve.SETS[request.param].observations:
+        pytest.importorskip("hatanaka", reason="unpacks what RTKLIB cannot read")
+    return solve.run(request.param, repeats=1)
 
 
 def test_both_use_the_same_satellites_in_every_epoch(comparison: dict[str, Any]) -> None:
     assert comparison["epochs_with_the_same_satellites"] == 1.0
 
 
-def test_the_95_percent_error_is_at_most_a_tenth_larger(comparison: dict[str, Any]) -> None:
-    assert comparison["ours_p95_3d_m"] <= 1.1 * comparison["peer_p95_3d_m"]
+def test_the_95_percent_error_is_at_most_a_twentieth_larger(comparison: dict[str, Any]) -> None:
+    assert comparison["ours_p95_3d_m"] <= 1.05 * comparison["peer_p95_3d_m"]

@@ -14,23 +14,33 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from integrity.gnss.observations import ObservationRow
+from integrity.gnss.observations import ROW_ARRAYS, ObservationRow, build_block, layout_of
 from integrity.gnss.receiver_status import ReceiverStatus
 from integrity.gnss.ubx.framing import MOST_PENDING_BYTES, Frame, Framer, frame_bytes
+from integrity.gnss.ubx.identifiers import EVERY_CODE
+from integrity.gnss.ubx.located import Located, locate
 from integrity.gnss.ubx.rawx import RXM_RAWX, decode_rawx
+from integrity.gnss.ubx.rawx_log import MOST_EPOCHS, rawx_blocks
+from integrity.gnss.ubx.rxm_raw import RXM_RAW, decode_raw
+from integrity.gnss.ubx.rxm_sfrb import RXM_SFRB, decode_sfrb
 from integrity.gnss.ubx.sfrbx import RXM_SFRBX, NavigationWords, decode_sfrbx
 from integrity.gnss.ubx.status import STATUS_MESSAGES, decode_status
 
 Bytes = NDArray[np.uint8]
 FRAMES_PER_EXAMPLE = 25_000
 EXAMPLES = 40
+DECODERS_OF_WORDS = {RXM_SFRBX: decode_sfrbx, RXM_SFRB: decode_sfrb}
 NMEA = b"$GNRMC,042500.00,A,4533.1,N,07336.9,W,0.0,,020326,,,A*5C\r\n"
 
 # Kinds of frames: class, id, start of the payload, bytes in all, share. Messages that pyubx2 parses cost a hundred times the others.
 KINDS = (
     (0x02, 0x15, bytes(8) + b"\xfc\x08\x12\x04\x01\x01\0\0", 144, 0.32),
-    (0x02, 0x13, b"\0\5\0\0\x0a\0\2\0", 48, 0.20),
-    (0x02, 0x13, b"\2\5\1\0\x08\0\2\0", 40, 0.15),
+    (0x02, 0x10, bytes(4) + b"\xc9\5\3\0", 80, 0.08),
+    (0x02, 0x11, b"\1\5", 42, 0.04),
+    (0x02, 0x11, b"\1\x81", 42, 0.03),
+    (0x02, 0x13, b"\0\5\0\0\x0a\0\2\0", 48, 0.12),
+    (0x02, 0x13, b"\2\5\1\0\x08\0\2\0", 40, 0.05),
+    (0x02, 0x13, b"\6\5\0\x09\x04\0\2\0", 24, 0.03),
     (0x0A, 0x99, b"", 30, 0.20),
     (0x05, 0x01, b"", 2, 0.10),
     (0x01, 0x03, b"", 16, 0.006),
@@ -97,7 +107,17 @@ def test_any_cut_gives_what_brute_force_finds(pieces: list[bytes], cuts: list[in
     assert (cut.pending, cut.bad_frames, cut.skipped_bytes) == (at_once.pending, at_once.bad_frames, at_once.skipped_bytes)
 
 
-known_frames = st.sampled_from([(0x02, 0x15), (0x02, 0x13), (0x0A, 0x38), (0x01, 0x07)]).flatmap(
+def assert_located_as_framed(data: bytes) -> Located:
+    """That the frames and counters of a whole log are those of a framer."""
+    framer, found = Framer(), locate(np.frombuffer(data, np.uint8))
+    frames = [data[begin:end] for begin, end in zip(found.begin.tolist(), found.end.tolist(), strict=True)]
+    assert frames == [frame_bytes(*frame) for frame in framer.feed(data)]
+    counted = found.bad_frames, found.skipped_bytes, data[found.decided_bytes :]
+    assert counted == (framer.bad_frames, framer.skipped_bytes, framer.pending)
+    return found
+
+
+known_frames = st.sampled_from([(0x02, 0x15), (0x02, 0x13), (0x02, 0x10), (0x0A, 0x38), (0x01, 0x07)]).flatmap(
     lambda message: st.binary(max_size=60).map(lambda payload: frame_bytes(*message, payload))
 )
 
@@ -111,6 +131,20 @@ def test_byte_by_byte_gives_the_same_where_lengths_are_known(pieces: list[bytes]
     assert (cut.pending, cut.bad_frames, cut.skipped_bytes) == (at_once.pending, at_once.bad_frames, at_once.skipped_bytes)
 
 
+@given(
+    st.lists(
+        st.one_of(
+            unknown_frames, known_frames, unknown_frames.map(lambda f: f[:-1] + b"?"), known_frames.map(lambda f: f[:-3]), bits_of_frames
+        ),
+        max_size=20,
+    )
+)
+@settings(max_examples=400, deadline=None)
+def test_the_frames_of_a_whole_log_are_those_of_a_framer(pieces: list[bytes]) -> None:
+    # Frames within frames, of which some are damaged: what a reader meets depends on what stands before.
+    assert_located_as_framed(b"".join(pieces) + frame_bytes(0x0A, 0x99, b"".join(pieces)) + b"".join(pieces[::2]))
+
+
 def frames_of(rng: np.random.Generator, kind: tuple[int, int, bytes, int, float], n: int) -> list[Piece]:
     """n frames of one kind: a third untouched, the rest with nonsense inside a sound frame, flipped bits, a wrong length, or cut."""
     message_class, message_id, start, size, _ = kind
@@ -121,6 +155,8 @@ def frames_of(rng: np.random.Generator, kind: tuple[int, int, bytes, int, float]
     payload[:, : len(start)] = np.frombuffer(start, np.uint8)
     if (message_class, message_id) == RXM_RAWX:
         plausible_measurements(rng, payload)
+    if (message_class, message_id) == RXM_RAW:
+        plausible_measurements_before_8(rng, payload)
     what = rng.choice(5, n, p=(0.34, 0.30, 0.14, 0.10, 0.12))
     nonsense = (what == 1)[:, None] & (rng.random((n, size)) < 2.0 / size)
     payload[nonsense] = rng.integers(0, 256, int(nonsense.sum()), np.uint8)
@@ -145,6 +181,18 @@ def plausible_measurements(rng: np.random.Generator, payload: Bytes) -> None:
         m[:, 8:16] = rng.uniform(1e8, 1.5e8, n).astype("<f8").view(np.uint8).reshape(n, 8)
         m[:, 16:20] = rng.uniform(-4e3, 4e3, n).astype("<f4").view(np.uint8).reshape(n, 4)
         m[:, 20:23] = [(0, 2, 0, 6)[i], i + 1, (0, 1, 3, 0)[i]]
+
+
+def plausible_measurements_before_8(rng: np.random.Generator, payload: Bytes) -> None:
+    """Three measurements each, of GPS and SBAS."""
+    n = len(payload)
+    payload[:, :4] = rng.integers(0, 604_800_000, n).astype("<i4").view(np.uint8).reshape(n, 4)
+    for i, satellite in enumerate((5, 17, 129)):
+        m = payload[:, 8 + 24 * i : 32 + 24 * i]
+        m[:, :8] = rng.uniform(1e8, 1.5e8, n).astype("<f8").view(np.uint8).reshape(n, 8)
+        m[:, 8:16] = rng.uniform(2e7, 3e7, n).astype("<f8").view(np.uint8).reshape(n, 8)
+        m[:, 16:20] = rng.uniform(-4e3, 4e3, n).astype("<f4").view(np.uint8).reshape(n, 4)
+        m[:, 20] = satellite
 
 
 def seal(frames: Bytes) -> None:
@@ -191,13 +239,17 @@ def assert_nothing_untouched_is_lost(pieces: list[Piece], frames: list[Frame], s
         assert is_sound(stream[begin : places[begin]])
 
 
-def assert_row_in_range(rows: list[ObservationRow]) -> None:
+SATELLITES = (
+    r"(G(0[1-9]|[12]\d|3[0-2])|E(0[1-9]|[12]\d|3[0-6])|C(0[1-9]|[1-5]\d|6[0-3])|R(0[1-9]|[12]\d|3[0-2])|J(0[1-9]|10)|S([2-4]\d|5[0-8]))"
+)
+
+
+def assert_rows_in_range(rows: list[ObservationRow]) -> None:
     names = {s for row in rows for s in row.signals}
-    assert all(re.fullmatch(r"G(0[1-9]|[12]\d|3[0-2])\.1C|E(0[1-9]|[12]\d|3[0-6])\.1[CB]", s) for s in names)
+    assert all(re.fullmatch(SATELLITES, s[:3]) and s[3] == "." and s[4:] in EVERY_CODE[s[0]] for s in names)
     week_ns = 604_800 * 10**9
-    assert all(1700 * week_ns <= row.receive_time_ns <= 4096 * week_ns for row in rows)
+    assert all(1200 * week_ns <= row.receive_time_ns <= 4096 * week_ns for row in rows)
     bounds = {
-        "pseudorange_m": (1e7, 4e7),
         "carrier_cycles": (-1e9, 1e9),
         "doppler_hz": (-3e4, 3e4),
         "cn0_dbhz": (0, 63),
@@ -206,14 +258,19 @@ def assert_row_in_range(rows: list[ObservationRow]) -> None:
     for name, (least, most) in bounds.items():
         values = np.concatenate([getattr(row, name) for row in rows])
         assert np.all(np.isnan(values) | ((values >= least) & (values <= most)))
+    most_m = np.array([5.5e7 if s[0] in "CJS" else 4.0e7 for row in rows for s in row.signals])
+    ranges_m = np.concatenate([row.pseudorange_m for row in rows])
+    assert np.all(np.isnan(ranges_m) | ((ranges_m >= 1e7) & (ranges_m <= most_m)))
     has_any = [np.isfinite(row.pseudorange_m) | np.isfinite(row.carrier_cycles) for row in rows]
     assert np.concatenate(has_any).all()
 
 
 def assert_words_in_range(words: NavigationWords) -> None:
-    assert (words.satellite[0], words.signal, len(words.words)) in {("G", "1C", 10), ("E", "1B", 8), ("E", "7I", 8)}
-    assert 1 <= int(words.satellite[1:]) <= (32 if words.satellite[0] == "G" else 36)
+    kinds = {"G1C": 10, "J1C": 10, "E1B": 8, "E7I": 8, "E5I": 8, "C2I": 10, "C7I": 10, "C6I": 10, "R1C": 4, "R2C": 4, "S1C": 8}
+    assert len(words.words) == kinds[words.satellite[0] + words.signal]
+    assert re.fullmatch(SATELLITES, words.satellite)
     assert all(0 <= word < 1 << 32 for word in words.words)
+    assert words.channel is None or (words.satellite[0] == "R" and -7 <= words.channel <= 6)
 
 
 def assert_status_in_range(status: ReceiverStatus) -> None:
@@ -242,18 +299,37 @@ def test_a_million_frames_mutated_and_random(seed: int) -> None:
     assert (framer.pending, framer.bad_frames, framer.skipped_bytes) == (b"", at_once.bad_frames, at_once.skipped_bytes)
     assert framer.skipped_bytes + sum(8 + len(f.payload) for f in frames) == len(stream)
     assert_nothing_untouched_is_lost(pieces, frames, stream)
+    assert_located_as_framed(stream)
     rows = [row for row in decode_rawx([f.payload for f in frames if f[:2] == RXM_RAWX], "A") if row is not None]
-    assert_row_in_range(rows)
+    assert_blocks_hold(stream, rows)
+    rows += [row for row in (decode_raw(f.payload, "A") for f in frames if f[:2] == RXM_RAW) if row is not None]
+    assert_rows_in_range(rows)
     for frame in frames:
-        if frame[:2] == RXM_SFRBX and (words := decode_sfrbx(frame.payload)) is not None:
+        if frame[:2] in DECODERS_OF_WORDS and (words := DECODERS_OF_WORDS[frame[:2]](frame.payload)) is not None:
             assert_words_in_range(words)
         elif frame[:2] in STATUS_MESSAGES and (status := decode_status(frame)) is not None:
             assert_status_in_range(status)
+
+
+def assert_blocks_hold(stream: bytes, rows: list[ObservationRow]) -> None:
+    """That the blocks of a log hold what its rows hold."""
+    log = np.frombuffer(stream, np.uint8)
+    blocks = list(rawx_blocks(log, locate(log), "A"))
+    assert sum(len(block.epoch_ns) for block in blocks) == len(rows) and all(len(block.epoch_ns) <= MOST_EPOCHS for block in blocks)
+    at = 0
+    for block in blocks:
+        some, at = rows[at : at + len(block.epoch_ns)], at + len(block.epoch_ns)
+        expected = build_block(["A"], [row.receive_time_ns for row in some], [[row] for row in some], layout_of(some, codes=EVERY_CODE))
+        assert block.signals == expected.signals
+        for name in ("receive_time_ns", *ROW_ARRAYS):
+            np.testing.assert_array_equal(getattr(block, name), getattr(expected, name))
 
 
 @given(st.binary(max_size=200), st.sampled_from([RXM_RAWX, RXM_SFRBX, *sorted(STATUS_MESSAGES)]))
 @settings(max_examples=300, deadline=None)
 def test_payloads_that_no_framer_let_through_do_not_raise(payload: bytes, message: tuple[int, int]) -> None:
     decode_rawx([payload], "A")
+    decode_raw(payload, "A")
     decode_sfrbx(payload)
+    decode_sfrb(payload)
     decode_status(Frame(*message, payload))

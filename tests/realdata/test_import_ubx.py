@@ -15,7 +15,6 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
-from integrity.errors import DecodeError
 from integrity.gnss.frames import ecef_from_geodetic, enu_axes, geodetic_from_ecef
 from integrity.gnss.gps_time import WEEK_NS
 from integrity.gnss.observations import Floats
@@ -176,8 +175,3 @@ def test_a_log_without_navigation_words_asks_for_a_navigation_file(shared_data: 
     receivers = [word for name in OFFSETS_ENU_M for word in ("--receiver", f"{name}={path}")]
     made = CliRunner().invoke(commands, ["import", "--site", str(site), *receivers, "-o", str(tmp_path / "log.mcap")])
     assert "the logs hold no navigation words" in str(made.exception)
-
-
-def test_a_log_of_an_older_generation_is_refused_with_what_it_holds(shared_data: Path) -> None:
-    with pytest.raises(DecodeError, match=r"found RXM-RAW x 242, RXM-SFRB x 842; .*convert the log to RINEX"):
-        read_files([shared_data / "tokyo_sbas_2008" / "ubx_20080526.ubx"], "A")

@@ -1,6 +1,7 @@
 """Logs of three receivers become one stream: every byte is kept, what lines up is decided, and nothing is known before it was received."""
 
 import gzip
+import struct
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -18,7 +19,7 @@ from integrity.states import State
 from recordings.importer import Imported, import_files, read_files
 from recordings.simulate.observations import antennas_of
 from recordings.simulate.receiver import as_bytes
-from recordings.ubx_files import CHUNK_BYTES
+from recordings.ubx_files import CHUNK_BYTES, UbxLog
 from tests.rinex_text import observation_text, rows_of
 from tests.unit.streams import SITE, health, new_monitor, reports, rows_changed, stream
 
@@ -121,6 +122,25 @@ def test_a_log_longer_than_what_is_read_at_a_time_is_the_same(tmp_path: Path) ->
 def test_text_between_the_frames_is_counted_by_its_bytes(tmp_path: Path) -> None:
     result = imported(tmp_path, {"A": NMEA.join(BURSTS["A"])})
     assert result.passed_over["A"] == {"bytes that are not UBX": (EPOCHS - 1) * len(NMEA)}
+
+
+def test_a_log_of_an_older_generation_is_cut_at_its_measurements(tmp_path: Path) -> None:
+    def measured(tow_ms: int, week: int, times: int = 1) -> bytes:
+        satellite = struct.pack("<ddfBbbB", 1.1e8, 2.2e7, 0.0, 5, 7, 45, 0)
+        return frame_bytes(0x02, 0x10, struct.pack("<ihBx", tow_ms, week, times) + times * satellite)
+
+    words = frame_bytes(0x02, 0x11, bytes(42))
+    log = measured(999, 0) + words + measured(1999, 1481) + NMEA + words + measured(2999, 1481) + measured(3999, 1481, 2) + words
+    (read,) = read_files([written(tmp_path, "old.ubx", log)], "A")
+    assert isinstance(read, UbxLog)
+    assert [piece.receive_time_ns - 1481 * WEEK_NS for piece in read.pieces] == [1_999_000_000, 2_999_000_000]
+    assert ([piece.data for piece in read.pieces], read.tail, read.words) == (
+        [measured(999, 0) + words + measured(1999, 1481), NMEA + words + measured(2999, 1481)],
+        measured(3999, 1481, 2) + words,
+        3,
+    )
+    reasons = "measured before the time was known", "measurements not readable"
+    assert [read.passed_over[reason] for reason in reasons] == [1, 1]
 
 
 def test_receivers_that_log_and_receivers_with_rinex_meet(tmp_path: Path) -> None:
@@ -234,8 +254,9 @@ UNUSABLE: dict[str, tuple[bytes, str]] = {
     "text": (b"hello\nworld\n", r"A0\.bin, line 1: found 'hello' and no sound UBX frame in 12 bytes; expected RINEX .*; give a RINEX file"),
     "empty": (b"", r"A0\.bin, line 1: found an empty file"),
     "positions only": (frame_bytes(0x01, 0x07, bytes(92)), r"A0\.bin: found NAV-PVT x 1; expected RXM-RAWX, .*switch both on"),
-    "an older receiver": (OLD, r"A0\.bin: found RXM-RAW x 1, RXM-SFRB x 2; .*before generation 8.*convert the log to RINEX"),
+    "words only": (frame_bytes(0x02, 0x11, bytes(42)), r"A0\.bin: found RXM-SFRB x 1; expected .*before generation 8: RXM-RAW and"),
     "a receiver without time": (without_time(BURSTS["A"][0]), r"A0\.bin: found .*RXM-RAWX x 1.*; expected .* the GPS time"),
+    "an older one": (OLD, r"A0\.bin: found RXM-RAW x 1, RXM-SFRB x 2; expected .* the GPS time"),
 }
 
 

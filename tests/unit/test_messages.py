@@ -75,7 +75,14 @@ ephemerides = st.one_of(
         )
         for satellite, message in [("G01", "LNAV"), ("J02", "LNAV"), ("E36", "INAV"), ("E36", "FNAV"), ("C06", "D1"), ("C02", "D2")]
     ),
-    st.builds(GlonassEphemeris, satellite=st.just("R24"), channel=st.integers(-7, 6), **shared, **floats_of(GlonassEphemeris)),
+    st.builds(
+        GlonassEphemeris,
+        satellite=st.just("R24"),
+        channel=st.integers(-7, 6),
+        delta_tau_n_s=st.none() | finite,
+        **shared,
+        **floats_of(GlonassEphemeris),
+    ),
     st.builds(GeoEphemeris, satellite=st.just("S29"), **shared, **floats_of(GeoEphemeris)),
 )
 four = st.tuples(finite, finite, finite, finite)

@@ -68,7 +68,7 @@ class GlonassEphemeris:
     """One set of GLONASS: position, velocity and luni-solar acceleration in PZ-90 (ECEF of that time) at toe (t_b), m, m/s, m/s2.
 
     `tau_n_s`, `gamma_n`: the satellite's clock is behind GLONASS time by tau_n - gamma_n (t - t_b); `delta_tau_n_s`: G2 leaves that much
-    after G1. `issue` is t_b in quarters of an hour of the Moscow day. `channel` is the frequency number H_n. Source: GLONASS ICD 5.1, 4.4.
+    after G1 (None: not told). `issue` is t_b in quarters of an hour of the Moscow day. `channel` is the frequency number H_n. Source: GLONASS ICD 5.1, 4.4.
     """
 
     satellite: str
@@ -90,13 +90,13 @@ class GlonassEphemeris:
     az_mps2: float
     tau_n_s: float
     gamma_n: float
-    delta_tau_n_s: float
+    delta_tau_n_s: float | None
 
     def implausibility(self) -> str | None:
         """Why this set cannot be one of GLONASS, or None; see `PLAUSIBLE_GLONASS`."""
         if self.channel not in GLONASS_CHANNELS:
             return f"channel {self.channel}, expected {GLONASS_CHANNELS.start} to {GLONASS_CHANNELS.stop - 1}"
-        return _implausibility(self, PLAUSIBLE_GLONASS) or _off_orbit(self, 24.0e6, 27.0e6)
+        return _implausibility(self, PLAUSIBLE_GLONASS) or _off_orbit(self, 25.0e6, 26.0e6, MOST_GLONASS_CLIMB_MPS)
 
 
 @dataclass(frozen=True)
@@ -125,17 +125,17 @@ class GeoEphemeris:
 
     def implausibility(self) -> str | None:
         """Why this set cannot be one of a geostationary satellite, or None; see `PLAUSIBLE_GEO`."""
-        return _implausibility(self, PLAUSIBLE_GEO) or _off_orbit(self, 41.0e6, 43.5e6)
+        return _implausibility(self, PLAUSIBLE_GEO) or _off_orbit(self, 41.0e6, 43.5e6, MOST_GEO_CLIMB_MPS)
 
 
 Ephemeris = KeplerEphemeris | GlonassEphemeris | GeoEphemeris
 
 # What the words of IS-GPS-200 table 20-III, Galileo OS SIS ICD table 68 and BDS-SIS-ICD B1I table 5-9 can hold (radians, with a margin),
 # where no narrower range is sure: a semi-major axis between 25,000 and 31,360 km, an eccentricity that the solution of Kepler's equation
-# is made for (of QZSS 0.075).
+# is made for (of QZSS 0.075, of two Galileo satellites 0.16).
 PLAUSIBLE: dict[str, tuple[float, float]] = {
     "sqrt_a": (5000.0, 5600.0),
-    "e": (0.0, 0.1),
+    "e": (0.0, 0.2),
     "fit_half_s": (1.0, 86_400.0),
     **dict.fromkeys(("i0", "omega0", "omega", "m0"), (-6.3, 6.3)),
     "delta_n": (-1e-7, 1e-7),
@@ -148,6 +148,8 @@ PLAUSIBLE: dict[str, tuple[float, float]] = {
     "af2": (-1e-12, 1e-12),
     **dict.fromkeys(("group_delay_s", "group_delay_2_s"), (-1e-6, 1e-6)),
 }
+MOST_GLONASS_CLIMB_MPS = 100.0  # of healthy satellites up to 10 m/s
+MOST_GEO_CLIMB_MPS = 100.0
 GEOSYNCHRONOUS = {"sqrt_a": (5000.0, 6600.0)}  # of BeiDou and QZSS some are 42,164 km from the centre of the Earth
 _VECTORS = {
     **dict.fromkeys(("x_m", "y_m", "z_m"), (-4.35e7, 4.35e7)),
@@ -155,7 +157,7 @@ _VECTORS = {
 }
 PLAUSIBLE_GLONASS: dict[str, tuple[float, float]] = _VECTORS | {
     "fit_half_s": (1.0, 3_600.0),
-    **dict.fromkeys(("ax_mps2", "ay_mps2", "az_mps2"), (-6.2e-6, 6.2e-6)),  # GLONASS ICD 5.1, table 4.5
+    **dict.fromkeys(("ax_mps2", "ay_mps2", "az_mps2"), (-1.4e-5, 1.4e-5)),  # what the words hold; satellites send up to 6.6e-6
     "tau_n_s": (-2.0e-3, 2.0e-3),
     "gamma_n": (-1.9e-9, 1.9e-9),
     "delta_tau_n_s": (-1.4e-8, 1.4e-8),
@@ -183,9 +185,15 @@ def _implausibility(eph: Ephemeris, plausible: dict[str, tuple[float, float]]) -
     return None
 
 
-def _off_orbit(eph: GlonassEphemeris | GeoEphemeris, low_m: float, high_m: float) -> str | None:
+def _off_orbit(eph: GlonassEphemeris | GeoEphemeris, low_m: float, high_m: float, most_climb_mps: float) -> str | None:
+    """What two frames mixed up give: a place or a velocity that is not of a nearly circular orbit."""
     radius_m = (eph.x_m**2 + eph.y_m**2 + eph.z_m**2) ** 0.5
-    return None if low_m <= radius_m <= high_m else f"{radius_m:.6g} m from the centre of the Earth, expected {low_m:g} to {high_m:g}"
+    if not low_m <= radius_m <= high_m:
+        return f"{radius_m:.6g} m from the centre of the Earth, expected {low_m:g} to {high_m:g}"
+    climb_mps = (eph.x_m * eph.vx_mps + eph.y_m * eph.vy_mps + eph.z_m * eph.vz_mps) / radius_m
+    if not abs(climb_mps) <= most_climb_mps:
+        return f"{climb_mps:.6g} m/s away from the Earth, expected at most {most_climb_mps:g} up or down"
+    return None
 
 
 def group_delays_s(eph: Ephemeris) -> tuple[float | None, ...]:

@@ -1,6 +1,8 @@
 """The ephemerides that have arrived, and which of them serves a satellite at an epoch."""
 
-from collections.abc import Iterable, Sequence
+from bisect import bisect_left, bisect_right
+from collections.abc import Iterable, Iterator, Sequence
+from itertools import pairwise
 from math import inf
 from typing import NamedTuple
 
@@ -12,13 +14,21 @@ from integrity.gnss.gps_time import NS_PER_S
 from integrity.gnss.observations import Ints
 
 
-class _Serving(NamedTuple):
-    """All sets in order of precedence: by satellite, the one that serves first last. `first_of` a satellite is where its sets begin."""
+class _Sets(NamedTuple):
+    """The sets of one satellite by when their use begins: index into the ephemerides, first and last GPS time of use, precedence (the
+    highest serves first). `longest_ns` is the longest use of any; `in_order` where precedence grows with the beginning, as it should."""
 
-    number: Ints  # index into the ephemerides, (n,)
-    begin_ns: Ints  # GPS times from which, and up to which it may be used
-    end_ns: Ints
-    of: dict[str, slice]
+    number: list[int]
+    begin_ns: list[int]
+    end_ns: list[int]
+    precedence: list[int]
+    longest_ns: int
+    in_order: bool
+
+    def serving_first(self, first_ns: int, last_ns: int) -> Iterator[int]:
+        """Places of those that may be used between two times, the one that serves first first: one or two steps from where it is found."""
+        places = range(bisect_left(self.begin_ns, first_ns - self.longest_ns), bisect_right(self.begin_ns, last_ns))
+        return reversed(places) if self.in_order else iter(sorted(places, key=self.precedence.__getitem__, reverse=True))
 
 
 class EphemerisStore:
@@ -29,10 +39,13 @@ class EphemerisStore:
     """
 
     def __init__(self, arrived: Iterable[Ephemeris] = ()) -> None:
-        self._arrived = dict.fromkeys(arrived)
+        self._arrived: dict[Ephemeris, None] = {}
+        self._numbers: dict[str, list[int]] = {}  # by satellite, indices into the ephemerides
+        self._sets: dict[str, _Sets] = {}  # the same in order, of those satellites that were asked for
         self._ephemerides: Ephemerides | None = None  # side by side, once they are needed
-        self._serving: _Serving | None = None
-        self._first_end_ns = min((_end_ns(eph) for eph in self._arrived), default=inf)
+        self._first_end_ns = inf
+        for ephemeris in arrived:
+            self.add(ephemeris)
 
     def __len__(self) -> int:
         return len(self._arrived)
@@ -41,12 +54,14 @@ class EphemerisStore:
     def ephemerides(self) -> Ephemerides:
         """In order of arrival; `len` of it is the count that a later `choose` takes as "arrived by then"."""
         if self._ephemerides is None:
-            self._ephemerides, self._serving = Ephemerides(self._arrived), None
+            self._ephemerides = Ephemerides(self._arrived)
         return self._ephemerides
 
     def add(self, ephemeris: Ephemeris) -> None:
         """Keep an ephemeris; one that is already here changes nothing."""
         if ephemeris not in self._arrived:
+            self._numbers.setdefault(ephemeris.satellite, []).append(len(self._arrived))
+            self._sets.pop(ephemeris.satellite, None)
             self._arrived[ephemeris] = None
             self._ephemerides = None
             self._first_end_ns = min(self._first_end_ns, _end_ns(ephemeris))
@@ -54,66 +69,74 @@ class EphemerisStore:
     def forget_before(self, gps_ns: int) -> None:
         """Drop what no epoch at or after `gps_ns` can use. Call between blocks only: earlier counts of arrivals lose their meaning."""
         if self._first_end_ns < gps_ns:
-            self._arrived = {eph: None for eph in self._arrived if _end_ns(eph) >= gps_ns}
-            self._ephemerides = None
-            self._first_end_ns = min((_end_ns(eph) for eph in self._arrived), default=inf)
+            kept = EphemerisStore(eph for eph in self._arrived if _end_ns(eph) >= gps_ns)
+            self._arrived, self._numbers, self._first_end_ns = kept._arrived, kept._numbers, kept._first_end_ns
+            self._sets, self._ephemerides = {}, None
 
     def choose(self, satellites: Sequence[str], epoch_ns: Ints, arrived: Ints) -> Ints:
         """Index (E, S) into `ephemerides`, -1 for none; `epoch_ns` and `arrived` (E,) do not decrease, the latter is how many had arrived
-        when each epoch was complete.
-
-        Each set serves a run of epochs, which two searches find; a set of higher precedence overwrites what stands in its run.
+        when each epoch was complete. Each set serves a run of epochs, found by searches, less what those that serve before it take.
         """
-        sets = self.ephemerides
-        if self._serving is None:
-            self._serving = _serving(sets)
-        serving = self._serving
-        begins = np.maximum(np.searchsorted(epoch_ns, serving.begin_ns, "left"), np.searchsorted(arrived, serving.number, "right"))
-        ends = np.searchsorted(epoch_ns, serving.end_ns, "right")
-        index = np.full((len(epoch_ns), len(satellites)), -1, dtype=np.int64)
-        columns: dict[str, Ints] = {}
-        for s, satellite in enumerate(satellites):
-            if satellite not in columns:
-                columns[satellite] = _column(serving, serving.of.get(satellite, slice(0)), begins, ends, len(epoch_ns))
-            index[:, s] = columns[satellite]
-        return index
+        times_ns, counts = epoch_ns.tolist(), arrived.tolist()
+        index = np.full((len(satellites), len(times_ns)), -1, dtype=np.int64)
+        chosen: dict[str, Ints] = {}
+        for row, satellite in zip(index, satellites, strict=True):
+            if satellite in chosen:
+                row[:] = chosen[satellite]
+            elif satellite in self._numbers and times_ns:
+                _choose(self._sets_of(satellite), times_ns, counts, row)
+                chosen[satellite] = row
+        return np.ascontiguousarray(index.T)
 
     def of_issue(self, satellite: str, issue: int, gps_ns: int) -> int:
         """Index into `ephemerides` of the set of that issue which serves first at a GPS time, -1 for none."""
-        sets = self.ephemerides
-        if self._serving is None:
-            self._serving = _serving(sets)
-        serving = self._serving
-        for place in reversed(range(*serving.of.get(satellite, slice(0)).indices(len(serving.number)))):
-            k = int(serving.number[place])
-            if sets[k].issue == issue and serving.begin_ns[place] <= gps_ns <= serving.end_ns[place]:
-                return k
+        if satellite in self._numbers:
+            ephemerides, sets = self.ephemerides, self._sets_of(satellite)
+            for place in sets.serving_first(gps_ns, gps_ns):
+                if ephemerides[sets.number[place]].issue == issue and gps_ns <= sets.end_ns[place]:
+                    return sets.number[place]
         return -1
 
-
-def _serving(sets: Ephemerides) -> _Serving:
-    order = sorted(range(len(sets)), key=lambda k: _precedence(sets[k]))
-    half_ns = [round(sets[k].fit_half_s * NS_PER_S) for k in order]
-    begin_ns = np.array([sets[k].toe_ns - half for k, half in zip(order, half_ns, strict=True)], dtype=np.int64)
-    end_ns = np.array([sets[k].toe_ns + half for k, half in zip(order, half_ns, strict=True)], dtype=np.int64)
-    of: dict[str, slice] = {}
-    for place, k in enumerate(order):
-        of[sets[k].satellite] = slice(of.get(sets[k].satellite, slice(place, 0)).start, place + 1)
-    return _Serving(np.array(order, dtype=np.int64), begin_ns, end_ns, of)
+    def _sets_of(self, satellite: str) -> _Sets:
+        if satellite not in self._sets:
+            self._sets[satellite] = _in_order(self.ephemerides, self._numbers[satellite])
+        return self._sets[satellite]
 
 
-def _column(serving: _Serving, mine: slice, begins: Ints, ends: Ints, n_epochs: int) -> Ints:
-    """Which set serves one satellite, (E,)."""
-    column = np.full(n_epochs, -1, dtype=np.int64)
-    for number, begin, end in zip(serving.number[mine].tolist(), begins[mine].tolist(), ends[mine].tolist(), strict=True):
-        column[begin:end] = number
-    return column
+def _in_order(ephemerides: Ephemerides, mine: Sequence[int]) -> _Sets:
+    precedence = {number: rank for rank, number in enumerate(sorted(mine, key=lambda k: _precedence(ephemerides[k])))}
+    half_ns = {k: round(ephemerides[k].fit_half_s * NS_PER_S) for k in mine}
+    order = sorted(mine, key=lambda k: (ephemerides[k].toe_ns - half_ns[k], precedence[k]))
+    ranks = [precedence[k] for k in order]
+    return _Sets(
+        number=order,
+        begin_ns=[ephemerides[k].toe_ns - half_ns[k] for k in order],
+        end_ns=[ephemerides[k].toe_ns + half_ns[k] for k in order],
+        precedence=ranks,
+        longest_ns=2 * max(half_ns.values()),
+        in_order=all(a < b for a, b in pairwise(ranks)),
+    )
 
 
-def _precedence(eph: Ephemeris) -> tuple[str, int, int, int, float, float]:
-    """Sort key: by satellite, the set that serves first last; the last two settle what no satellite should send."""
+def _choose(sets: _Sets, times_ns: list[int], arrived: list[int], row: Ints) -> None:
+    """Into a row of -1 (E,) which set serves one satellite at each time."""
+    free = len(times_ns)
+    for place in sets.serving_first(times_ns[0], times_ns[-1]):
+        begin = max(bisect_left(times_ns, sets.begin_ns[place]), bisect_right(arrived, sets.number[place]))
+        run = row[begin : bisect_right(times_ns, sets.end_ns[place])]
+        empty = run < 0
+        run[empty] = sets.number[place]
+        free -= int(np.count_nonzero(empty))
+        if not free:
+            return
+
+
+def _precedence(eph: Ephemeris) -> tuple[int | bool | float, ...]:
+    """Sort key of the sets of a satellite: the set that serves first last. Of two that differ in what they promise alone (files that leave
+    times of transmission out have such) the one that promises less; the last two settle what no satellite should send."""
     detail = (eph.m0, eph.af0) if isinstance(eph, KeplerEphemeris) else (eph.x_m, eph.y_m)
-    return (eph.satellite, eph.transmission_ns, eph.toe_ns, eph.issue, *detail)
+    worst_m = inf if eph.accuracy_m is None else eph.accuracy_m
+    return (eph.transmission_ns, eph.toe_ns, eph.issue, not eph.healthy, worst_m, -eph.fit_half_s, *detail)
 
 
 def _end_ns(eph: Ephemeris) -> float:

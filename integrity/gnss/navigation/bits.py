@@ -19,16 +19,27 @@ class Part(NamedTuple):
 
 
 class Field(NamedTuple):
-    """Where a value stands, most significant part first, and the unit of its last bit (None: a number as it is, no quantity)."""
+    """Where a value stands, most significant part first, and the unit of its last bit (None: a number as it is, no quantity).
+
+    `signed`: by two's complement; `sign_bit`: one bit for the sign, then the magnitude.
+    """
 
     parts: tuple[Part, ...]
     unit: float | None = None
     signed: bool = False
+    sign_bit: bool = False
 
     @property
     def bits(self) -> int:
         """Of all parts together."""
         return sum(part.bits for part in self.parts)
+
+    def range(self) -> tuple[int, int]:
+        """The least and the greatest integer that fit."""
+        if self.signed or self.sign_bit:
+            most = (1 << self.bits - 1) - 1
+            return (-most if self.sign_bit else -most - 1), most
+        return 0, (1 << self.bits) - 1
 
 
 class Layout(NamedTuple):
@@ -38,12 +49,15 @@ class Layout(NamedTuple):
     fields: Mapping[str, Field]
 
     def integer(self, message: int, name: str) -> int:
-        """The bits of a field as an integer, by two's complement where it is signed."""
+        """The bits of a field as an integer, with the sign that the field gives it."""
         field = self.fields[name]
-        value = 0
+        value = bits = 0
         for part in field.parts:
             value = value << part.bits | message >> self.bits - part.first - part.bits & (1 << part.bits) - 1
-        return value - (1 << field.bits) if field.signed and value >> field.bits - 1 else value
+            bits += part.bits
+        if not (field.signed or field.sign_bit) or not value >> bits - 1:
+            return value
+        return (1 << bits - 1) - value if field.sign_bit else value - (1 << bits)
 
     def mask(self, *names: str) -> int:
         """Ones where these fields stand."""
@@ -62,11 +76,13 @@ class Layout(NamedTuple):
         for name, value in values.items():
             field = self.fields[name]
             number = round(value if field.unit is None else value / field.unit)
-            low, high = (-(1 << field.bits - 1), (1 << field.bits - 1) - 1) if field.signed else (0, (1 << field.bits) - 1)
+            low, high = field.range()
             if not low <= number <= high or (field.unit is None and number != value):
                 raise ValueError(
                     f"{name} = {value!r} does not fit its {field.bits} bits, which hold {low} to {high} times {field.unit or 1}"
                 )
+            if field.sign_bit and number < 0:
+                number = (1 << field.bits - 1) - number
             for part in reversed(field.parts):
                 message |= (number & (1 << part.bits) - 1) << self.bits - part.first - part.bits
                 number >>= part.bits
@@ -90,6 +106,11 @@ def plain(bits: int, unit: float | None = None) -> Field:
 def signed(bits: int, unit: float) -> Field:
     """A field by two's complement at the beginning of a message, for `in_order`."""
     return Field((Part(0, bits),), unit, signed=True)
+
+
+def sign_and_magnitude(bits: int, unit: float) -> Field:
+    """A field with a sign bit at the beginning of a message, for `in_order`."""
+    return Field((Part(0, bits),), unit, sign_bit=True)
 
 
 def nearest_ns(time_ns: int, reference_ns: int, period_ns: int) -> int:

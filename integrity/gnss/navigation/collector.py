@@ -1,41 +1,40 @@
 """From words of navigation messages to whole ephemerides: what one receiver has of each satellite so far.
 
-A set is GPS subframes 1 to 3 or Galileo I/NAV words 1 to 5 of E1-B. It is told when it is complete, plausible, and anything but the time
-of its transmission differs from what was last told of that satellite: health may change without a new issue. Other signals carry the same
-sets (E5b-I) or are not used; their words are passed over.
+What makes up a set is in `kinds`. It is told when it is complete, plausible, and anything but the time of its transmission differs from
+what was last told of that satellite and message: health may change without a new issue. A message that several signals carry (I/NAV on
+E1-B and E5b-I, D1 on B1I and B3I) is one message, whichever of them a page came by.
 
-Pages that do not belong together make no set. A page of another issue drops what is kept of the satellite, word 5 included, which has no
-issue. As issues come round again and most pages do not say of which week they are, all pages of a set must have arrived within
-`PAGES_TOGETHER_NS`, and the one that says when it was sent must have arrived as close to that.
+Pages that do not belong together make no set. A page that shares another issue (BeiDou, GLONASS: another frame) than what is kept of the
+satellite and message drops that, pages included that fit any issue (word 5 of I/NAV). As issues come round again and most pages do not
+say of which week they are, all pages of a set must have arrived within `together_ns` of its kind, and the one that says when it was sent
+must have arrived within `ARRIVES_WITHIN_NS` of that.
 """
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Collection, Iterable, Mapping
 from dataclasses import replace
 from typing import NamedTuple
 
 from integrity.errors import DecodeError
 from integrity.gnss.atmosphere import Klobuchar
-from integrity.gnss.ephemeris.broadcast import Ephemeris
+from integrity.gnss.ephemeris.broadcast import Ephemeris, KeplerEphemeris
 from integrity.gnss.gps_time import NS_PER_S
-from integrity.gnss.navigation import inav, lnav
+from integrity.gnss.navigation import lnav
+from integrity.gnss.navigation.kinds import LNAV, MessageKind, kind_kept, kind_of
 from integrity.gnss.ubx.sfrbx import NavigationWords
 
-PAGES_TOGETHER_NS = 600 * NS_PER_S  # each page comes every 30 s; issues repeat after 6 h at the earliest: IS-GPS-200, 20.3.4.4
+# All but F/NAV, whose sets differ from those of I/NAV in the clock: a store that holds one set of a satellite at a time must not mix them.
+ONE_OF_EACH = ("LNAV", "INAV", "D1", "D2", "GLONASS")
 
+ARRIVES_WITHIN_NS = 600 * NS_PER_S
 A_MOMENT_NS = 60 * NS_PER_S
-GPS_TIME_BITS, GALILEO_TIME_BITS = lnav.HEAD.mask("next_tow_count"), inav.WORD_5.mask("week", "tow_s")
-
-PAGES_OF_SET = {"G": (1, 2, 3), "E": (1, 2, 3, 4, 5)}
-PAGE_WITH_TIME = {"G": 1, "E": 5}  # the one whose beginning is the time of transmission
-MESSAGE_BYTES = {"G": 30, "E": 16}
 TIME_BYTES = 8
 
 
 class Page(NamedTuple):
-    """A page kept: subframe or word type `number` of a satellite.
+    """A page kept: subframe, word, page or string `number` of a satellite; those of F/NAV count from 101.
 
-    `data` is the message without parity, CRC and framing (30 bytes of a subframe, 16 of a word), then the GPS time of its arrival in ns
-    (8 bytes, signed, big endian), left out where that was not known.
+    `data` is the message without parity, CRC and framing (as many bytes as its kind says), then the GPS time of its arrival in ns (8 bytes,
+    signed, big endian), left out where that was not known.
     """
 
     satellite: str
@@ -44,59 +43,69 @@ class Page(NamedTuple):
 
 
 class _Kept(NamedTuple):
-    """A page's message, its issue (None: it has none), and when it arrived, in GPS time; None: before the time was known."""
+    """A page's data, what it shares with the others of its set (None: it fits any), and when it arrived, in GPS time; None: before the
+    time was known."""
 
-    message: int
-    issue: int | None
+    data: int
+    common: int | None
     arrived_ns: int | None
 
 
-class NavigationCollector:
-    """Collects the pages of every satellite of one receiver. Made again from its `pages` and `told`, it goes on as if never stopped."""
+_Source = tuple[str, str]  # satellite and name of the message
 
-    def __init__(self, pages: Iterable[Page] = (), told: Iterable[Ephemeris] = ()) -> None:
-        self._kept: dict[str, dict[int, _Kept]] = {}
+
+class NavigationCollector:
+    """Collects the pages of every satellite of one receiver. Made again from its `pages` and `told`, it goes on as if never stopped.
+
+    `messages` are the ones that sets are told of: names of `kinds`.
+    """
+
+    def __init__(self, pages: Iterable[Page] = (), told: Iterable[Ephemeris] = (), messages: Collection[str] = ONE_OF_EACH) -> None:
+        self._messages = frozenset(messages)
+        self._kept: dict[_Source, dict[int, _Kept]] = {}
+        self._kinds: dict[_Source, MessageKind] = {}
         for page in pages:
-            self._kept.setdefault(page.satellite, {})[page.number] = _unpacked(page)
-        self._told = {eph.satellite: eph for eph in told}
+            kind, number, kept = _unpacked(page)
+            if kind.name in self._messages:
+                self._pages_of(page.satellite, kind)[number] = kept
+        self._told = {_source_of(eph): eph for eph in told}
 
     @property
     def pages(self) -> tuple[Page, ...]:
         """What is kept, by satellite and number."""
-        return tuple(
-            _packed(satellite, number, kept) for satellite, pages in sorted(self._kept.items()) for number, kept in sorted(pages.items())
+        packed = (
+            _packed(source[0], self._kinds[source], number, kept) for source, pages in self._kept.items() for number, kept in pages.items()
         )
+        return tuple(sorted(packed, key=lambda page: (page.satellite, page.number)))
 
     @property
     def told(self) -> tuple[Ephemeris, ...]:
-        """The last set told of each satellite, by satellite."""
-        return tuple(self._told[satellite] for satellite in sorted(self._told))
+        """The last set told of each satellite and message, by these."""
+        return tuple(self._told[source] for source in sorted(self._told))
 
     def take(self, words: NavigationWords, near_ns: int | None) -> list[Ephemeris | Klobuchar]:
-        """What these words newly tell: a set that they complete or change, or the ionosphere; mostly nothing.
+        """What these words newly tell: a set that they complete or change, or the ionosphere of GPS; mostly nothing.
 
         `near_ns` is the GPS time of arrival, good to a minute; None while it is not known: then pages are kept for `complete`.
         Words with wrong parity or CRC change nothing.
         """
-        if words.signal == "1C":
-            message = lnav.subframe_of(words.words)
-        elif words.signal == "1B":
-            message = inav.word_of(words.words)
-        else:
+        kind = kind_of(words.satellite, words.signal)
+        if kind is None or kind.name not in self._messages:
             return []
-        if message is None:
+        data = kind.data_of(words)
+        if data is None:
             return []
-        system = words.satellite[0]
-        if system == "G" and (klobuchar := lnav.klobuchar_of(message)):
+        if kind is LNAV and words.satellite[0] == "G" and (klobuchar := lnav.klobuchar_of(data)):
             return [klobuchar]
-        number = _number(system, message)
-        if number not in PAGES_OF_SET[system]:
+        number = kind.number_of(data)
+        if number not in kind.pages:
             return []
-        before, now = self._kept.get(words.satellite, {}).get(number), _Kept(message, _issue(system, number, message), near_ns)
-        self._keep(words.satellite, number, now)
-        if before is not None and _repeats(system, number, before, now):
+        pages, now = self._pages_of(words.satellite, kind), _Kept(data, kind.common_of(number, data), near_ns)
+        before = pages.get(number)
+        _keep(pages, number, now)
+        if before is not None and _repeats(kind, number, before, now):
             return []
-        ephemeris = self._news_of(words.satellite)
+        ephemeris = self._news_of(words.satellite, kind)
         return [ephemeris] if ephemeris else []
 
     def complete(self, near_ns: int) -> list[Ephemeris]:
@@ -105,79 +114,72 @@ class NavigationCollector:
             for number, kept in pages.items():
                 if kept.arrived_ns is None:
                     pages[number] = kept._replace(arrived_ns=near_ns)
-        news = (self._news_of(satellite) for satellite in sorted(self._kept))
+        news = (self._news_of(source[0], self._kinds[source]) for source in sorted(self._kept))
         return [ephemeris for ephemeris in news if ephemeris]
 
-    def _keep(self, satellite: str, number: int, page: _Kept) -> None:
-        pages = self._kept.setdefault(satellite, {})
-        if page.issue is not None and any(kept.issue not in (page.issue, None) for kept in pages.values()):
-            pages.clear()
-        pages[number] = page
+    def _pages_of(self, satellite: str, kind: MessageKind) -> dict[int, _Kept]:
+        source = satellite, kind.name
+        self._kinds[source] = kind
+        return self._kept.setdefault(source, {})
 
-    def _news_of(self, satellite: str) -> Ephemeris | None:
+    def _news_of(self, satellite: str, kind: MessageKind) -> Ephemeris | None:
         """The set that the kept pages of a satellite make up, if they do and it says something new; it then counts as told."""
-        ephemeris = _set_of(satellite, self._kept[satellite])
+        source = satellite, kind.name
+        ephemeris = _set_of(satellite, kind, self._kept[source])
         if ephemeris is None:
             return None
-        last = self._told.get(satellite)
+        last = self._told.get(source)
         if last is not None and replace(last, transmission_ns=ephemeris.transmission_ns) == ephemeris:
             return None
-        self._told[satellite] = ephemeris
+        self._told[source] = ephemeris
         return ephemeris
 
 
-def _repeats(system: str, number: int, before: _Kept, now: _Kept) -> bool:
+def _source_of(eph: Ephemeris) -> _Source:
+    return eph.satellite, eph.message if isinstance(eph, KeplerEphemeris) else "GLONASS"
+
+
+def _keep(pages: dict[int, _Kept], number: int, page: _Kept) -> None:
+    if page.common is not None and any(kept.common not in (page.common, None) for kept in pages.values()):
+        pages.clear()
+    pages[number] = page
+
+
+def _repeats(kind: MessageKind, number: int, before: _Kept, now: _Kept) -> bool:
     """Whether a page says what it said a moment ago, but for the time: then the set is as it was, and was told if there was one."""
     if before.arrived_ns is None or now.arrived_ns is None or not 0 <= now.arrived_ns - before.arrived_ns <= A_MOMENT_NS:
         return False
-    time = GPS_TIME_BITS if system == "G" else GALILEO_TIME_BITS if number == 5 else 0
-    return (before.message ^ now.message) & ~time == 0
+    return (before.data ^ now.data) & ~kind.time_bits.get(number, 0) == 0
 
 
-def _number(system: str, message: int) -> int:
-    return lnav.HEAD.integer(message, "subframe") if system == "G" else inav.HEAD.integer(message, "word_type")
-
-
-def _issue(system: str, number: int, message: int) -> int | None:
-    """What all pages of a set have in common; None for Galileo's word 5, which has none."""
-    if system == "E":
-        return inav.HEAD.integer(message, "issue") if number != 5 else None
-    if number == 1:
-        return lnav.SUBFRAME_1.integer(message, "iodc") & 0xFF
-    return (lnav.SUBFRAME_2 if number == 2 else lnav.SUBFRAME_3).integer(message, "iode")
-
-
-def _set_of(satellite: str, pages: Mapping[int, _Kept]) -> Ephemeris | None:
+def _set_of(satellite: str, kind: MessageKind, pages: Mapping[int, _Kept]) -> Ephemeris | None:
     """The set that the kept pages of a satellite make up; None where one is missing, or they do not belong together, or make no sense."""
     arrived_ns = {number: kept.arrived_ns for number, kept in pages.items() if kept.arrived_ns is not None}
-    if len(arrived_ns) < len(PAGES_OF_SET[satellite[0]]) or max(arrived_ns.values()) - min(arrived_ns.values()) > PAGES_TOGETHER_NS:
+    if len(arrived_ns) < len(kind.pages) or max(arrived_ns.values()) - min(arrived_ns.values()) > kind.together_ns:
         return None
-    timed_ns = arrived_ns[PAGE_WITH_TIME[satellite[0]]]
-    messages = [pages[number].message for number in sorted(pages)]
-    if satellite[0] == "G":
-        ephemeris = lnav.ephemeris_of(satellite, messages[0], messages[1], messages[2], timed_ns)
-    else:
-        ephemeris = inav.ephemeris_of(satellite, messages[0], messages[1], messages[2], messages[3], messages[4], timed_ns)
-    if ephemeris is None or ephemeris.implausibility() is not None or abs(timed_ns - ephemeris.transmission_ns) > PAGES_TOGETHER_NS:
+    timed_ns = arrived_ns[kind.timed]
+    ephemeris = kind.ephemeris_of(satellite, [pages[number].data for number in kind.pages], timed_ns)
+    if ephemeris is None or ephemeris.implausibility() is not None or abs(timed_ns - ephemeris.transmission_ns) > ARRIVES_WITHIN_NS:
         return None
     return ephemeris
 
 
-def _packed(satellite: str, number: int, kept: _Kept) -> Page:
-    data = kept.message.to_bytes(MESSAGE_BYTES[satellite[0]], "big")
+def _packed(satellite: str, kind: MessageKind, number: int, kept: _Kept) -> Page:
+    data = kept.data.to_bytes(kind.data_bytes, "big")
     if kept.arrived_ns is not None:
         data += kept.arrived_ns.to_bytes(TIME_BYTES, "big", signed=True)
-    return Page(satellite, number, data)
+    return Page(satellite, kind.kept_as + number, data)
 
 
-def _unpacked(page: Page) -> _Kept:
+def _unpacked(page: Page) -> tuple[MessageKind, int, _Kept]:
     """DecodeError where a page is none that `_packed` makes."""
-    system = page.satellite[:1]
-    size = MESSAGE_BYTES.get(system, 0)
-    if size and len(page.data) in (size, size + TIME_BYTES):
-        message, time = int.from_bytes(page.data[:size], "big"), page.data[size:]
-        if page.number in PAGES_OF_SET[system] and page.number == _number(system, message):
-            return _Kept(message, _issue(system, page.number, message), int.from_bytes(time, "big", signed=True) if time else None)
+    kind = kind_kept(page.satellite, page.number)
+    if kind is not None and len(page.data) in (kind.data_bytes, kind.data_bytes + TIME_BYTES):
+        number, time = page.number - kind.kept_as, page.data[kind.data_bytes :]
+        data = int.from_bytes(page.data[: kind.data_bytes], "big")
+        if number == kind.number_of(data):
+            arrived_ns = int.from_bytes(time, "big", signed=True) if time else None
+            return kind, number, _Kept(data, kind.common_of(number, data), arrived_ns)
     raise DecodeError(
         f"navigation page {page.number} of {page.satellite!r} in a snapshot: {page.data.hex()} is no such page; "
         "the snapshot is damaged: start without it"

@@ -1,10 +1,12 @@
-"""Galileo I/NAV of E1-B: word pages from the words of a receiver, and what stands in them.
+"""Galileo I/NAV of E1-B and E5b-I: word pages from the words of a receiver, and what stands in them.
 
 RXM-SFRBX has a page in eight 32-bit numbers: the even part in the first four, the odd part in the others, 120 bits each, left-aligned.
+E5b-I sends the same words; where E1-B has OSNMA, search and rescue, and a spare, it has a reserve, which the CRC covers as well.
 Source: Galileo OS SIS ICD 2.1, 4.3.2 (pages and CRC), 4.3.4 and 4.3.5 (words), 5.1 (parameters).
 """
 
 from functools import lru_cache
+from typing import NamedTuple
 
 from integrity.gnss.crc import crc24q
 from integrity.gnss.ephemeris.broadcast import KeplerEphemeris
@@ -89,7 +91,7 @@ WORD_4 = in_order(
 )
 WORD_5 = in_order(
     ("word_type", plain(6)),
-    ("ionosphere", plain(41)),  # NeQuick's, not used
+    ("ionosphere", plain(41)),  # `NEQUICK`
     ("group_delay_2_s", signed(10, 2.0**-32)),  # BGD(E1,E5a)
     ("group_delay_s", signed(10, 2.0**-32)),  # BGD(E1,E5b)
     ("e5b_health", plain(2)),
@@ -114,7 +116,27 @@ WORD_6 = in_order(  # GST to UTC: only written
     ("spare", plain(3)),
 )
 WORD_0 = in_order(("word_type", plain(6)), ("time", plain(2)), ("spare", plain(88)), ("week", plain(12)), ("tow_s", plain(20)))
+NEQUICK = in_order(
+    ("word_type", plain(6)),
+    ("ai0", plain(11, 2.0**-2)),
+    ("ai1", signed(11, 2.0**-8)),
+    ("ai2", signed(14, 2.0**-15)),
+    ("disturbed", plain(5)),
+    ("rest", plain(81)),
+)
 HEAD = Layout(128, {"word_type": Field((Part(0, 6),)), "issue": Field((Part(6, 10),))})
+
+
+class GalileoIonosphere(NamedTuple):
+    """Effective ionisation level of NeQuick-G in solar flux units: ai0 + ai1 mu + ai2 mu^2, mu the modified dip latitude in degrees.
+
+    `disturbed`: the storm flags of regions 1 to 5, region 1 the highest bit. Source: Galileo OS SIS ICD 2.1, 5.1.6 and 5.1.7.
+    """
+
+    ai0: float
+    ai1: float
+    ai2: float
+    disturbed: int
 
 
 def page_crc(page: int) -> int:
@@ -146,7 +168,7 @@ def word_of(words: tuple[int, ...]) -> int | None:
 def ephemeris_of(satellite: str, one: int, two: int, three: int, four: int, five: int, near_ns: int) -> KeplerEphemeris | None:
     """The set that words 1 to 5 make up; None where issues differ or word 4 names another satellite.
 
-    `near_ns` is a GPS time within 512 weeks. Its transmission began with the page of word 5, the only one of them that carries a time.
+    `near_ns` is a GPS time within 2,048 weeks. Its transmission began with the page of word 5, the only one of them that carries a time.
     """
     issue = HEAD.integer(one, "issue")
     if any(HEAD.integer(word, "issue") != issue for word in (two, three, four)):
@@ -173,3 +195,9 @@ def ephemeris_of(satellite: str, one: int, two: int, three: int, four: int, five
         **WORD_4.quantities(four),
         **WORD_5.quantities(five),
     )
+
+
+def nequick_of(five: int) -> GalileoIonosphere:
+    """The ionosphere in word 5."""
+    c = NEQUICK.quantities(five)
+    return GalileoIonosphere(c["ai0"], c["ai1"], c["ai2"], NEQUICK.integer(five, "disturbed"))

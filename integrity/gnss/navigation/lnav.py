@@ -1,8 +1,9 @@
-"""GPS LNAV: subframes from the words of a receiver, and what stands in them.
+"""LNAV of GPS and QZSS: subframes from the words of a receiver, and what stands in them.
 
 RXM-SFRBX has one 32-bit number per word: D29* and D30* (the last bits of the word before), then the word's 30 bits, all of them inverted
 where D30* is one, so that the data bits are right as they stand. Measured on receivers of generations 9 and 10: so in every word.
-Source: IS-GPS-200, 20.3.3 (layout: figure 20-1; scales: tables 20-I, 20-III and 20-X) and 20.3.5.2 (parity).
+Source: IS-GPS-200, 20.3.3 (layout: figure 20-1; scales: tables 20-I, 20-III and 20-X) and 20.3.5.2 (parity). QZSS: IS-QZSS-PNT, 4.1, by
+which subframes 1 to 3 differ in what the fit interval, the health and one value of the group delay mean.
 """
 
 from functools import lru_cache
@@ -19,6 +20,9 @@ WORDS, WORD_BITS, DATA_BITS, PARITY_BITS = 10, 30, 24, 6
 WEEKS_NS = 1024 * WEEK_NS  # the week has ten bits
 IONOSPHERE_PAGE = 56  # identity of page 18 of subframe 4: table 20-V
 FIT_HALF_S = (7200.0, 10_800.0)  # by the fit interval flag, which says no more than 4 h or 6 h and above: 20.3.3.4.3.1
+QZSS_FIT_HALF_S = (5400.0, 7200.0)  # 2 h, with half an hour for a new set to come, or more than 2 h
+QZSS_OTHER_SIGNAL = 1  # bit of the health that is of L6 or L1 C/B only; set on sound satellites
+QZSS_NO_GROUP_DELAY_S = -128 * 2.0**-31
 
 # Upper bounds of the User Range Accuracy, index 0 to 14; index 15 promises nothing. 20.3.3.3.1.3.
 URA_UPPER_M = (2.4, 3.4, 4.85, 6.85, 9.65, 13.65, 24.0, 48.0, 96.0, 192.0, 384.0, 768.0, 1536.0, 3072.0, 6144.0)
@@ -150,10 +154,15 @@ def subframe_of(words: tuple[int, ...]) -> int | None:
 def ephemeris_of(satellite: str, one: int, two: int, three: int, near_ns: int) -> KeplerEphemeris | None:
     """The set that subframes 1, 2 and 3 make up; None where their issues differ. Its transmission began with subframe 1.
 
-    `near_ns` is a GPS time within 512 weeks. Where a subframe raises the alert flag, no accuracy is promised (20.3.3.2).
+    `near_ns` is a GPS time within 512 weeks. Where a subframe raises the alert flag, no accuracy is promised (20.3.3.2). A set of QZSS that
+    says no group delay is none: its clock serves no signal alone.
     """
     iodc, iode = SUBFRAME_1.integer(one, "iodc"), SUBFRAME_2.integer(two, "iode")
     if not iodc & 0xFF == iode == SUBFRAME_3.integer(three, "iode"):
+        return None
+    qzss, health = satellite[0] == "J", SUBFRAME_1.integer(one, "health")
+    of_clock = SUBFRAME_1.quantities(one)
+    if qzss and of_clock["group_delay_s"] == QZSS_NO_GROUP_DELAY_S:
         return None
     tow_s = (HEAD.integer(one, "next_tow_count") - 1) % SUBFRAMES_A_WEEK * SUBFRAME_S
     transmission_ns = nearest_ns(SUBFRAME_1.integer(one, "week") * WEEK_NS + tow_s * NS_PER_S, near_ns, WEEKS_NS)
@@ -164,20 +173,20 @@ def ephemeris_of(satellite: str, one: int, two: int, three: int, near_ns: int) -
         satellite=satellite,
         message="LNAV",
         issue=iode,
-        healthy=SUBFRAME_1.integer(one, "health") == 0,
+        healthy=(health & ~QZSS_OTHER_SIGNAL if qzss else health) == 0,
         accuracy_m=URA_UPPER_M[ura_index] if promised else None,
         transmission_ns=transmission_ns,
         toe_ns=nearest_ns(toe_s * NS_PER_S, transmission_ns, WEEK_NS),
         toc_ns=nearest_ns(toc_s * NS_PER_S, transmission_ns, WEEK_NS),
-        fit_half_s=FIT_HALF_S[SUBFRAME_2.integer(two, "fit_flag")],
-        **SUBFRAME_1.quantities(one),
+        fit_half_s=(QZSS_FIT_HALF_S if qzss else FIT_HALF_S)[SUBFRAME_2.integer(two, "fit_flag")],
+        **of_clock,
         **SUBFRAME_2.quantities(two),
         **SUBFRAME_3.quantities(three),
     )
 
 
 def klobuchar_of(message: int) -> Klobuchar | None:
-    """The ionosphere where a message is page 18 of subframe 4, else None."""
+    """The ionosphere where a message is page 18 of subframe 4, else None. That of QZSS, made for Japan, stands there too."""
     if HEAD.integer(message, "subframe") != 4 or IONOSPHERE.integer(message, "page_id") != IONOSPHERE_PAGE:
         return None
     c = IONOSPHERE.quantities(message)

@@ -2,7 +2,7 @@
 
 A frame is sync B5 62, class, id, length of the payload (u2, little endian), payload, and a checksum over class to payload: 8-bit
 Fletcher (RFC 1145). Source: u-blox F9 HPG 1.51 interface description, "UBX frame structure" and the message tables; older lengths:
-u-blox 8 / M8 protocol specification.
+u-blox 8 / M8 and u-blox 6 protocol specifications.
 
 What is not a sound frame is searched again from the byte after its sync, so that a corrupt length swallows no sound frame. At most
 it delays them: until as many bytes have come as it announces. Messages of a known length are therefore refused as soon as their
@@ -25,7 +25,7 @@ MOST_PENDING_BYTES = FRAME_BYTES + MOST_PAYLOAD_BYTES - 1
 PIECE_BYTES = 1 << 16  # the running sums of a piece stay in the cache
 
 
-class _Counted(NamedTuple):
+class Counted(NamedTuple):
     """A payload of `fixed` bytes, and `block` bytes as often as the byte at `count_at` says."""
 
     fixed: int
@@ -33,22 +33,24 @@ class _Counted(NamedTuple):
     count_at: int
 
 
-_FIXED: dict[tuple[int, int], tuple[int, ...]] = {
+FIXED: dict[tuple[int, int], tuple[int, ...]] = {
     (0x01, 0x03): (16,),  # NAV-STATUS
     (0x01, 0x07): (92, 84),  # NAV-PVT; 84 in u-blox 7
+    (0x02, 0x11): (42,),  # RXM-SFRB, u-blox 7 and before
     (0x0A, 0x09): (60, 68),  # MON-HW; 68 in u-blox 6
 }
-_COUNTED: dict[tuple[int, int], _Counted] = {
-    (0x01, 0x35): _Counted(8, 12, 5),  # NAV-SAT
-    (0x01, 0x43): _Counted(8, 16, 5),  # NAV-SIG
-    (0x02, 0x13): _Counted(8, 4, 4),  # RXM-SFRBX
-    (0x02, 0x15): _Counted(16, 32, 11),  # RXM-RAWX
-    (0x0A, 0x31): _Counted(4, 272, 1),  # MON-SPAN
-    (0x0A, 0x38): _Counted(4, 24, 1),  # MON-RF
+COUNTED: dict[tuple[int, int], Counted] = {
+    (0x01, 0x35): Counted(8, 12, 5),  # NAV-SAT
+    (0x01, 0x43): Counted(8, 16, 5),  # NAV-SIG
+    (0x02, 0x10): Counted(8, 24, 6),  # RXM-RAW, u-blox 7 and before
+    (0x02, 0x13): Counted(8, 4, 4),  # RXM-SFRBX
+    (0x02, 0x15): Counted(16, 32, 11),  # RXM-RAWX
+    (0x0A, 0x31): Counted(4, 272, 1),  # MON-SPAN
+    (0x0A, 0x38): Counted(4, 24, 1),  # MON-RF
 }
 # What a header (class, id, length) is checked against: the allowed lengths, and where the count stands.
-_ALLOWED: dict[tuple[int, int], frozenset[int]] = {key: frozenset((0, *lengths)) for key, lengths in _FIXED.items()} | {
-    key: frozenset((0, *range(c.fixed, MOST_PAYLOAD_BYTES + 1, c.block))) for key, c in _COUNTED.items()
+_ALLOWED: dict[tuple[int, int], frozenset[int]] = {key: frozenset((0, *lengths)) for key, lengths in FIXED.items()} | {
+    key: frozenset((0, *range(c.fixed, MOST_PAYLOAD_BYTES + 1, c.block))) for key, c in COUNTED.items()
 }  # 0: somebody asks for the message
 
 _header = struct.Struct("<BBH").unpack_from
@@ -137,7 +139,7 @@ def _end_of_payload(buffer: bytes, sync: int, size: int) -> int | None:
     if allowed is not None:
         if length not in allowed:
             return 0
-        counted = _COUNTED.get((message_class, message_id))
+        counted = COUNTED.get((message_class, message_id))
         if counted is not None and length:
             if size <= payload + counted.count_at:
                 return None

@@ -1,8 +1,9 @@
 """RXM-RAWX, versions 0 and 1: the measurements of one epoch, as an `ObservationRow`.
 
-Only civil L1 codes are taken (`signals.FIRST_CODES`): a range on L2 or L5 must never pass for one on L1. A quantity that the receiver
-does not vouch for, or that lies outside of its range, is NaN; a measurement with neither range nor carrier is left out.
-Sources: u-blox F9 HPG 1.51 interface description, UBX-RXM-RAWX and "Signal identifiers"; u-blox 8 / M8 protocol specification.
+All signals that `identifiers` knows are taken, carrier and Doppler in the cycles of each signal's own frequency. A quantity that the
+receiver does not vouch for, or that lies outside of its range, is NaN; a measurement with neither range nor carrier is left out. What a
+row has no place for: the receiver's own standard deviations, and the channel of GLONASS, which the ephemeris has too.
+Sources: u-blox F9 HPG 1.51 interface description, UBX-RXM-RAWX; u-blox 8 / M8 protocol specification.
 """
 
 import struct
@@ -16,6 +17,16 @@ from numpy.typing import NDArray
 
 from integrity.gnss.gps_time import WEEK_S, gps_from_week
 from integrity.gnss.observations import Bools, Floats, ObservationRow
+from integrity.gnss.ubx.identifiers import SIGNALS, signal_of
+from integrity.gnss.ubx.plausible import (
+    LAST_WEEK,
+    LEAST_RANGE_M,
+    MOST_CARRIER_CYCLES,
+    MOST_CN0_DBHZ,
+    MOST_DOPPLER_HZ,
+    MOST_LOCK_S,
+    MOST_RANGE_M,
+)
 
 Indices = NDArray[np.intp]
 
@@ -42,29 +53,23 @@ _SIZE = {name: np.dtype(kind).itemsize for name, kind in _FIELDS}
 _OFFSET = {name: sum(_SIZE[before] for before, _ in _FIELDS[:i]) for i, (name, _) in enumerate(_FIELDS)}
 LAST_VERSION = 1
 
-# gnssId, sigId: system letter, number of its satellites, RINEX code.
-L1_SIGNALS = {(0, 0): ("G", 32, "1C"), (2, 0): ("E", 36, "1C"), (2, 1): ("E", 36, "1B")}
-
 PR_VALID, CP_VALID, HALF_CYCLE_RESOLVED = 1, 2, 4  # bits of trkStat
 
 _IDENTITY = tuple(  # of all measurements of a payload: their gnssId, svId, sigId
     slice(RAWX_HEADER.size + _OFFSET[field], None, RAWX_DTYPE.itemsize) for field in ("gnss_id", "sv_id", "sig_id")
 )
 
-# Outside of these it is no measurement. Each bound is far beyond what physics and receivers allow, and far inside what damage gives.
-FIRST_WEEK, LAST_WEEK = 1700, 4095  # August 2012, before RXM-RAWX existed; June 2058. Week 0: the receiver does not know the time yet
-LEAST_RANGE_M, MOST_RANGE_M = 1.0e7, 4.0e7  # GPS and Galileo: 19 to 30 thousand km, and a receiver clock off by 30 ms
-MOST_CARRIER_CYCLES = 1.0e9  # 40 thousand km are 2.1e8; the rest is the oscillator since lock, 1 ppm over five days
-MOST_DOPPLER_HZ = 30_000.0  # 5 kHz of satellite and vehicle, 16 ppm of the oscillator
-MOST_CN0_DBHZ = 63.0  # six bits in the receiver
-MOST_LOCK_S = 64.5  # the counter stops there
+FIRST_WEEK = 1700  # August 2012, before RXM-RAWX existed. Week 0: the receiver does not know the time yet
 
-# What a byte of cno, a count of locktime and a byte of trkStat mean.
-_CN0_DBHZ = np.where(np.arange(256) <= MOST_CN0_DBHZ, np.arange(256.0), np.nan)
-_LOCK_S = np.where(np.arange(65536) / 1000.0 <= MOST_LOCK_S, np.arange(65536) / 1000.0, np.nan)
+# What a byte of cno, a count of locktime, a byte of trkStat and a gnssId mean.
+CN0_DBHZ = np.where(np.arange(256) <= MOST_CN0_DBHZ, np.arange(256.0), np.nan)
+LOCK_S = np.where(np.arange(65536) / 1000.0 <= MOST_LOCK_S, np.arange(65536) / 1000.0, np.nan)
 _PR_VALID = np.arange(256) & PR_VALID != 0
 _CP_VALID = np.arange(256) & CP_VALID != 0
 _HALF_CYCLE = np.arange(256) & (CP_VALID | HALF_CYCLE_RESOLVED) == CP_VALID
+MOST_RANGE_OF_GNSS_M = np.full(256, np.nan)
+for (_gnss, _), _known in SIGNALS.items():
+    MOST_RANGE_OF_GNSS_M[_gnss] = MOST_RANGE_M[_known.system]
 _F8, _F4, _U2, _U1 = (np.dtype(kind) for kind in ("<f8", "<f4", "<u2", "u1"))
 
 
@@ -77,6 +82,7 @@ class _Places(NamedTuple):
     locktime: Indices
     cno: Indices
     trk_stat: Indices
+    gnss_id: Indices
 
 
 class _Layout(NamedTuple):
@@ -141,11 +147,10 @@ def _layout_of(gnss_ids: bytes, sv_ids: bytes, sig_ids: bytes) -> _Layout | None
     """What is taken of an epoch with these identities; None where a signal stands twice."""
     taken: dict[str, int] = {}
     for i, (gnss_id, sv_id, sig_id) in enumerate(zip(gnss_ids, sv_ids, sig_ids, strict=True)):
-        system, satellites, code = L1_SIGNALS.get((gnss_id, sig_id), ("", 0, ""))
-        if 1 <= sv_id <= satellites:
-            signal = f"{system}{sv_id:02d}.{code}"
-            if signal in taken:
-                return None
+        signal = signal_of(gnss_id, sv_id, sig_id)
+        if signal in taken:
+            return None
+        if signal is not None:
             taken[signal] = i
     index = np.array(list(taken.values()), dtype=np.intp)
     return _Layout(tuple(taken), index, _places(index))
@@ -155,7 +160,8 @@ def _places(taken: Indices) -> _Places:
     def place(field: str) -> Indices:
         return (taken * RAWX_DTYPE.itemsize + _OFFSET[field]) // _SIZE[field]
 
-    return _Places(place("pr_m"), place("cp_cycles"), place("do_hz"), place("locktime_ms"), place("cno_dbhz"), place("trk_stat"))
+    fields = ("pr_m", "cp_cycles", "do_hz", "locktime_ms", "cno_dbhz", "trk_stat", "gnss_id")
+    return _Places._make([place(field) for field in fields])
 
 
 def _joined(payloads: list[bytes], layouts: list[_Layout]) -> tuple[bytes, _Places]:
@@ -173,7 +179,7 @@ def _columns(measurements: bytes, places: _Places) -> tuple[_Columns, Bools | No
     as_f8, as_u1 = np.frombuffer(measurements, _F8), np.frombuffer(measurements, _U1)
     trk_stat = as_u1[places.trk_stat]
     pr_m = as_f8[places.pr]
-    pr_known = (pr_m >= LEAST_RANGE_M) & (pr_m <= MOST_RANGE_M) & _PR_VALID.take(trk_stat)
+    pr_known = (pr_m >= LEAST_RANGE_M) & (pr_m <= MOST_RANGE_OF_GNSS_M.take(as_u1[places.gnss_id])) & _PR_VALID.take(trk_stat)
     cp_cycles = as_f8[places.cp]
     cp_known = (np.abs(cp_cycles) <= MOST_CARRIER_CYCLES) & _CP_VALID.take(trk_stat)
     do_hz = np.frombuffer(measurements, _F4)[places.do]
@@ -181,13 +187,13 @@ def _columns(measurements: bytes, places: _Places) -> tuple[_Columns, Bools | No
     for values, known in ((pr_m, pr_known), (cp_cycles, cp_known), (do_hz, do_known)):
         if np.count_nonzero(known) != len(known):
             values[~known] = np.nan
-    lock_s = _LOCK_S.take(np.frombuffer(measurements, _U2)[places.locktime])
+    lock_s = LOCK_S.take(np.frombuffer(measurements, _U2)[places.locktime])
     kept = pr_known | cp_known
     columns = _Columns(
         pseudorange_m=pr_m,
         carrier_cycles=cp_cycles,
         doppler_hz=do_hz.astype(np.float64),  # after blanking: to widen a signalling NaN warns
-        cn0_dbhz=_CN0_DBHZ.take(as_u1[places.cno]),
+        cn0_dbhz=CN0_DBHZ.take(as_u1[places.cno]),
         lock_s=lock_s,
         slip=lock_s == 0.0,
         half_cycle=_HALF_CYCLE.take(trk_stat),

@@ -1,10 +1,11 @@
-"""Galileo I/NAV pages of E1-B: what is refused, and what the fields mean. Values and rules from the Galileo OS SIS ICD 2.1."""
+"""Galileo I/NAV pages of E1-B and E5b-I: what is refused, and what the fields mean. Values and rules from the Galileo OS SIS ICD 2.1."""
 
 from dataclasses import replace
 
 import pytest
 
-from integrity.gnss.ephemeris.broadcast import Ephemeris
+from integrity.gnss.crc import crc24q
+from integrity.gnss.ephemeris.broadcast import KeplerEphemeris
 from integrity.gnss.gps_time import NS_PER_S, WEEK_S, gps_from_week
 from integrity.gnss.navigation import inav
 from integrity.gnss.navigation.bits import Layout
@@ -28,7 +29,7 @@ def words_of(page: int) -> tuple[int, ...]:
     return tuple(page >> shift & 0xFFFFFFFF for shift in range(224, -1, -32))
 
 
-def sent_words(eph: Ephemeris = EPH, at_ns: int = START_NS) -> list[int]:
+def sent_words(eph: KeplerEphemeris = EPH, at_ns: int = START_NS) -> list[int]:
     """Words 1 to 5, all sent at one time: only that of word 5 counts."""
     found = [inav.word_of(inav_words(eph, IONOSPHERE, n, at_ns)) for n in (1, 2, 3, 4, 5)]
     return [word for word in found if word is not None]
@@ -40,19 +41,19 @@ def altered(layout: Layout, word: int, name: str, value: int) -> int:
     return word & ~every_bit | layout.message({name: value})
 
 
-def decoded(words: list[int], near_ns: int = START_NS) -> Ephemeris | None:
+def decoded(words: list[int], near_ns: int = START_NS) -> KeplerEphemeris | None:
     one, two, three, four, five = words
     return inav.ephemeris_of(EPH.satellite, one, two, three, four, five, near_ns)
 
 
-def with_field(number: int, name: str, value: int) -> Ephemeris | None:
+def with_field(number: int, name: str, value: int) -> KeplerEphemeris | None:
     words = sent_words()
     words[number - 1] = altered(LAYOUTS[number - 1], words[number - 1], name, value)
     return decoded(words)
 
 
 def test_crc_has_its_published_check_value() -> None:
-    assert inav.crc24q(b"123456789") == 0xCDE703  # CRC-24/LTE-A of the CRC catalogue: same polynomial, same start
+    assert crc24q(b"123456789") == 0xCDE703  # CRC-24/LTE-A of the CRC catalogue: same polynomial, same start
 
 
 @pytest.mark.parametrize("word_type", range(7))
@@ -132,3 +133,23 @@ def test_the_week_is_the_one_near_a_known_time(at_ns: int, near_weeks: int) -> N
 def test_reference_times_are_within_half_a_week_of_the_transmission(toe_ns: int) -> None:
     sent = replace(EPH, toe_ns=toe_ns, toc_ns=toe_ns, transmission_ns=gps_from_week(2409, 600.0))
     assert decoded(sent_words(sent, sent.transmission_ns), near_ns=sent.transmission_ns) == sent
+
+
+def test_the_crc_covers_the_reserve_that_e5b_sends_for_osnma_and_rescue() -> None:
+    page = page_of(inav_words(EPH, IONOSPHERE, 1, START_NS))
+    reserve = inav.PAGE.mask("osnma", "sar", "spare")
+    page = altered(inav.PAGE, page & ~reserve, "crc", inav.page_crc(page & ~reserve))
+    assert inav.word_of(words_of(page)) == sent_words()[0]
+
+
+@pytest.mark.parametrize(
+    ("bits", "expected"),
+    [
+        ("00000000001" "00000000001" "00000000000001" "10000", inav.GalileoIonosphere(0.25, 2.0**-8, 2.0**-15, 16)),
+        ("11111111111" "10000000000" "10000000000000" "00001", inav.GalileoIonosphere(511.75, -4.0, -0.25, 1)),
+        ("00101000000" "11111111110" "00000001000000" "00000", inav.GalileoIonosphere(80.0, -(2.0**-7), 2.0**-9, 0)),
+    ],
+)  # fmt: skip
+def test_the_ionosphere_stands_in_word_5(bits: str, expected: inav.GalileoIonosphere) -> None:  # table of the ionospheric correction
+    five = sent_words()[4] & ~inav.WORD_5.mask("ionosphere") | inav.WORD_5.message({"ionosphere": int(bits, 2)})
+    assert inav.nequick_of(five) == expected

@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import pytest
 
-from integrity.gnss.ephemeris.broadcast import Ephemeris
+from integrity.gnss.ephemeris.broadcast import KeplerEphemeris
 from integrity.gnss.gps_time import NS_PER_S, WEEK_S, gps_from_week
 from integrity.gnss.navigation import lnav
 from integrity.gnss.navigation.bits import Layout
@@ -17,25 +17,25 @@ AS_SENT = replace(EPH, transmission_ns=START_NS)
 LAYOUTS = {1: lnav.SUBFRAME_1, 2: lnav.SUBFRAME_2, 3: lnav.SUBFRAME_3}
 
 
-def subframes(eph: Ephemeris = EPH, first_ns: int = START_NS) -> dict[int, int]:
+def subframes(eph: KeplerEphemeris = EPH, first_ns: int = START_NS) -> dict[int, int]:
     """The messages of subframes 1 to 3, six seconds apart."""
     sent = {n: lnav.subframe_of(lnav_words(eph, IONOSPHERE, n, first_ns + (n - 1) * 6 * NS_PER_S)) for n in (1, 2, 3)}
     return {n: message for n, message in sent.items() if message is not None}
 
 
 def altered(layout: Layout, message: int, name: str, value: int) -> int:
-    """A message with other bits in an unsigned field."""
-    every_bit = layout.message({name: (1 << layout.fields[name].bits) - 1})
-    return message & ~every_bit | layout.message({name: value})
+    """A message with other bits in a field."""
+    fields = {name: layout.fields[name]._replace(unit=None, signed=False)}
+    return message & ~layout.mask(name) | Layout(layout.bits, fields).message({name: value})
 
 
-def decoded(messages: dict[int, int], near_ns: int = START_NS) -> Ephemeris:
+def decoded(messages: dict[int, int], near_ns: int = START_NS) -> KeplerEphemeris:
     eph = lnav.ephemeris_of(EPH.satellite, messages[1], messages[2], messages[3], near_ns)
     assert eph is not None
     return eph
 
 
-def with_field(number: int, name: str, value: int) -> Ephemeris:
+def with_field(number: int, name: str, value: int) -> KeplerEphemeris:
     messages = subframes()
     return decoded(messages | {number: altered(LAYOUTS[number], messages[number], name, value)})
 
@@ -132,3 +132,25 @@ def test_an_alert_leaves_no_accuracy_promised(number: int) -> None:  # 20.3.3.2
 
 def test_the_fit_interval_flag_means_six_hours() -> None:  # 20.3.3.4.3.1
     assert with_field(2, "fit_flag", 1) == replace(AS_SENT, fit_half_s=10_800.0)
+
+
+def of_qzss(number: int, name: str, value: int) -> KeplerEphemeris | None:
+    messages = subframes()
+    messages[number] = altered(LAYOUTS[number], messages[number], name, value)
+    return lnav.ephemeris_of("J02", messages[1], messages[2], messages[3], START_NS)
+
+
+@pytest.mark.parametrize(("flag", "fit_half_s"), [(0, 5400.0), (1, 7200.0)])
+def test_the_fit_interval_of_qzss_is_shorter(flag: int, fit_half_s: float) -> None:  # 2 h, or more
+    assert of_qzss(2, "fit_flag", flag) == replace(AS_SENT, satellite="J02", fit_half_s=fit_half_s)
+
+
+# Sound satellites of March 2021 send 1.
+@pytest.mark.parametrize(("health", "healthy"), [(0, True), (1, True), (2, False), (16, False), (32, False), (33, False)])
+def test_the_last_bit_of_health_of_qzss_is_of_another_signal(health: int, healthy: bool) -> None:
+    assert of_qzss(1, "health", health) == replace(AS_SENT, satellite="J02", healthy=healthy, fit_half_s=5400.0)
+
+
+@pytest.mark.parametrize(("bits", "is_a_set"), [(0x80, False), (0x81, True), (0x7F, True)])
+def test_without_a_group_delay_qzss_has_no_set(bits: int, is_a_set: bool) -> None:
+    assert (of_qzss(1, "group_delay_s", bits) is not None) == is_a_set

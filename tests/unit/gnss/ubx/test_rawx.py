@@ -10,7 +10,7 @@ import pytest
 from integrity.gnss.observations import ROW_ARRAYS, ObservationRow
 from integrity.gnss.ubx.rawx import RAWX_DTYPE, RAWX_HEADER, decode_rawx
 
-GPS, SBAS, GALILEO, BEIDOU, GLONASS = 0, 1, 2, 3, 6
+GPS, SBAS, GALILEO, BEIDOU, QZSS, GLONASS, NAVIC = 0, 1, 2, 3, 5, 6, 7
 ALL_VALID = 0b0111
 SIGNALLING_NAN_F4, SIGNALLING_NAN_F8 = bytes.fromhex("0100807f"), bytes.fromhex("010000000000f07f")
 
@@ -48,21 +48,22 @@ def test_time_is_rounded_to_whole_nanoseconds() -> None:
     assert decoded(rawx(tow_s=604_799.9979999999)).receive_time_ns == 2300 * 604_800 * 10**9 + 604_799_998_000_000
 
 
-def test_only_civil_l1_is_taken() -> None:
+def test_signals_of_all_systems_are_taken_in_their_order() -> None:
     payload = rawx(
-        measurement(GPS, 1, 0), measurement(GPS, 1, 3), measurement(GPS, 1, 4), measurement(GPS, 1, 7),  # C/A, L2CL, L2CM, L5Q
-        measurement(GALILEO, 2, 0), measurement(GALILEO, 2, 1), measurement(GALILEO, 2, 6), measurement(GALILEO, 2, 4),  # C, B, E5b, E5a
-        measurement(SBAS, 131, 0), measurement(BEIDOU, 7, 0), measurement(GLONASS, 3, 0), measurement(5, 1, 0),
+        measurement(GLONASS, 3, 2), measurement(GPS, 1, 7), measurement(NAVIC, 1, 0), measurement(GPS, 1, 0), measurement(SBAS, 131, 0),
+        measurement(BEIDOU, 7, 1), measurement(GLONASS, 255, 0), measurement(QZSS, 2, 1), measurement(GALILEO, 2, 6),
     )  # fmt: skip
-    assert decoded(payload).signals == ("G01.1C", "E02.1C", "E02.1B")
+    assert decoded(payload).signals == ("R03.2C", "G01.5Q", "G01.1C", "S31.1C", "C07.2I", "J02.1Z", "E02.7Q")
 
 
 @pytest.mark.parametrize(
-    ("gnss", "sv", "taken"),
-    [(GPS, 0, 0), (GPS, 1, 1), (GPS, 32, 1), (GPS, 33, 0), (GPS, 255, 0), (GALILEO, 0, 0), (GALILEO, 36, 1), (GALILEO, 37, 0)],
+    ("gnss", "sv", "most_m"),
+    [(GPS, 1, 4.0e7), (GALILEO, 1, 4.0e7), (GLONASS, 1, 4.0e7), (SBAS, 129, 5.5e7), (BEIDOU, 3, 5.5e7), (QZSS, 1, 5.5e7)],
 )
-def test_satellites_that_exist(gnss: int, sv: int, taken: int) -> None:
-    assert len(decoded(rawx(measurement(gnss, sv))).signals) == taken
+def test_satellites_of_some_systems_fly_higher(gnss: int, sv: int, most_m: float) -> None:
+    row = decoded(rawx(measurement(gnss, sv, pr=most_m), measurement(GALILEO, 9, pr=math.nextafter(4.0e7, 1e9))))
+    beyond = decoded(rawx(measurement(gnss, sv, pr=math.nextafter(most_m, 1e9)), measurement(GALILEO, 9)))
+    assert np.isfinite([*row.pseudorange_m, *beyond.pseudorange_m]).tolist() == [True, False, False, True]
 
 
 @pytest.mark.parametrize(
@@ -134,8 +135,22 @@ def test_a_measurement_without_range_and_carrier_is_left_out() -> None:
         rawx(measurement(), tow_s=math.nextafter(0.0, -1.0)),
         rawx(measurement(), tow_s=math.nan),
         rawx(measurement(), measurement(GALILEO), measurement(trk=0)),
+        rawx(measurement(BEIDOU, 3, 0), measurement(BEIDOU, 3, 1)),
     ],
-    ids=["empty", "no_header", "short", "long", "version", "week_before", "week_after", "tow_604800", "tow_negative", "tow_nan", "twice"],
+    ids=[
+        "empty",
+        "no_header",
+        "short",
+        "long",
+        "version",
+        "week_before",
+        "week_after",
+        "tow_604800",
+        "tow_negative",
+        "tow_nan",
+        "twice",
+        "twice_by_two_numbers",
+    ],
 )
 def test_what_makes_a_whole_row_none(payload: bytes) -> None:
     assert decode_rawx([payload], "A") == [None]

@@ -1,0 +1,65 @@
+"""One live epoch of three receivers, from their bytes to the decision, in process: `python -m tests.benchmarks.epoch [--epochs 3000]`.
+
+Three simulated receivers at 10 Hz as UBX, each epoch fed as it would come. `ahead` has the geometry of the next epoch computed between
+epochs, as the station does while it waits; `alone` computes it with the epoch. The processor is warm: a paced station, whose caches
+cool down between epochs, takes two to three times as long (`tests.benchmarks.live`).
+"""
+
+import argparse
+import json
+import tempfile
+import time
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from integrity.events import Event, Tick
+from integrity.outputs import HealthReport
+from integrity.states import State
+from integrity.station_monitor import StationMonitor
+from tests.e2e.field import make_field, measured
+
+SETTLING = 100  # epochs: start-up is another matter
+SOURCES = {"A": "tcp://127.0.0.1:2001", "B": "tcp://127.0.0.1:2002", "C": "tcp://127.0.0.1:2003"}
+INTERVAL_S = 0.1
+
+
+def run(epochs: int, ahead: bool) -> dict[str, Any]:
+    """Milliseconds per epoch of one stream."""
+    with tempfile.TemporaryDirectory() as folder:
+        site = make_field(Path(folder), SOURCES, INTERVAL_S).site
+    monitor = StationMonitor(site.config)
+    spent_ms: list[float] = []
+    normal = 0
+    pending: list[Event] = []
+    for event in measured(site, epochs * INTERVAL_S):
+        pending.append(event)
+        if not isinstance(event, Tick):
+            continue
+        began = time.perf_counter()
+        outputs = monitor.feed(pending)
+        spent_ms.append(1e3 * (time.perf_counter() - began))
+        normal += sum(isinstance(o, HealthReport) and o.state is State.NORMAL for o in outputs)
+        pending = []
+        if ahead:
+            monitor.look_ahead()
+    settled = spent_ms[SETTLING:]
+    return {
+        "epochs": len(settled),
+        "normal": normal,
+        "p50_ms": round(float(np.median(settled)), 3),
+        "p99_ms": round(float(np.percentile(settled, 99.0)), 3),
+    }
+
+
+def main() -> None:
+    """Print both as JSON."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--epochs", type=int, default=3000)
+    epochs = parser.parse_args().epochs
+    print(json.dumps({"ahead": run(epochs, True), "alone": run(epochs, False)}, indent=2))
+
+
+if __name__ == "__main__":
+    main()

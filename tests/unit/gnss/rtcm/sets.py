@@ -1,0 +1,58 @@
+"""Ephemerides that tests of RTCM 3 write and read."""
+
+from integrity.gnss.ephemeris.broadcast import GlonassEphemeris, KeplerEphemeris
+from integrity.gnss.gps_time import gps_from_week, parse_utc
+
+TOE_NS = gps_from_week(2310, 302_400.0)
+GPS = KeplerEphemeris(
+    satellite="G05",
+    message="LNAV",
+    issue=77,
+    healthy=True,
+    accuracy_m=2.4,
+    transmission_ns=TOE_NS,
+    toe_ns=TOE_NS,
+    toc_ns=TOE_NS,
+    fit_half_s=7200.0,
+    sqrt_a=5153.625,
+    e=0.0078125,
+    i0=0.96,
+    omega0=1.5,
+    omega=-1.25,
+    m0=-2.5,
+    delta_n=4.5e-9,
+    i_dot=-2.5e-10,
+    omega_dot=-8.25e-9,
+    cuc=-2.25e-6,
+    cus=4.5e-6,
+    crc=290.4375,
+    crs=-46.03125,
+    cic=-1.5e-8,
+    cis=5.25e-8,
+    af0=3.5e-4,
+    af1=4.25e-12,
+    af2=0.0,
+    group_delay_s=-9.25e-9,
+)
+GLONASS = GlonassEphemeris(
+    satellite="R09",
+    channel=-2,
+    issue=13,
+    healthy=True,
+    accuracy_m=4.0,
+    transmission_ns=TOE_NS,
+    toe_ns=parse_utc("2024-04-17T00:15:00Z"),
+    fit_half_s=1200.0,
+    x_m=22_520_251.0,
+    y_m=-4_320_801.0,
+    z_m=11_062_856.0,
+    vx_mps=-1459.0,
+    vy_mps=461.0,
+    vz_mps=3154.0,
+    ax_mps2=4.6e-6,
+    ay_mps2=-1.8e-6,
+    az_mps2=0.0,
+    tau_n_s=2.4e-5,
+    gamma_n=9e-13,
+    delta_tau_n_s=2.8e-9,
+)
