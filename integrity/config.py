@@ -5,12 +5,13 @@ from typing import Literal
 
 Rule = Literal["full", "triangle"]
 SatelliteFaultPolicy = Literal["stop", "exclude"]
+Protocol = Literal["ubx", "rtcm3"]  # of a receiver's bytes
 HostClock = Literal["none", "ntp", "ptp", "gnss"]
 
 
 @dataclass(frozen=True)
 class ReceiverConfig:
-    """A receiver at its surveyed point; `model`, `supply`, `mast`, `switch` name what it may share with others."""
+    """A receiver at its surveyed point; `protocol` of its bytes; `model`, `supply`, `mast`, `switch` name what it may share with others."""
 
     name: str
     position_ecef_m: tuple[float, float, float]
@@ -18,6 +19,7 @@ class ReceiverConfig:
     supply: str | None = None
     mast: str | None = None
     switch: str | None = None
+    protocol: Protocol = "ubx"
 
 
 @dataclass(frozen=True)
@@ -62,3 +64,8 @@ class SiteConfig:
     def receiver_names(self) -> tuple[str, ...]:
         """Names in the order of every receiver axis."""
         return tuple(r.name for r in self.receivers)
+
+    @property
+    def protocols(self) -> dict[str, Protocol]:
+        """Of the receivers' bytes, by receiver."""
+        return {r.name: r.protocol for r in self.receivers}

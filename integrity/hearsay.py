@@ -10,6 +10,7 @@ from integrity.gnss.observations import Floats
 from integrity.gnss.receiver_status import Antenna, Jamming, ReceiverStatus, Spoofing
 from integrity.triangle import ReferenceTriangle
 
+STATED_APART_M = 5.0  # beyond what frames and their epochs differ by (some 2 m), and the antenna from its reference point (0.3 m)
 FAR_M = 1000.0  # beyond every error of a fix: another site's receiver, another city, or a spoofer
 
 OF_JAMMING = {Jamming.WARNING: "interference", Jamming.CRITICAL: "interference that leaves it no fix"}
@@ -31,11 +32,21 @@ def _of(receiver: str, status: ReceiverStatus, surveyed_ecef_m: Floats) -> list[
         OF_ANTENNA.get(status.antenna or Antenna.IN_ORDER),
     )
     found = [f"{receiver} reports {words}" for words in said if words]
+    if status.virtual:
+        found.append(f"{receiver} sends what was computed for a virtual station: there is no antenna")
+    if status.stated_ecef_m is not None:
+        apart_m = float(np.linalg.norm(np.array(status.stated_ecef_m) - surveyed_ecef_m))
+        if not apart_m <= STATED_APART_M:
+            found.append(f"{receiver} is said to have its antenna {_far(apart_m)} from its surveyed point")
     if status.fix_ok is False:
         found.append(f"{receiver} reports no fix of its own")
     elif status.fix_ok and status.lat_rad is not None and status.lon_rad is not None and status.height_m is not None:
         fix_ecef_m = ecef_from_geodetic(status.lat_rad, status.lon_rad, status.height_m)
         distance_m = float(np.linalg.norm(fix_ecef_m - surveyed_ecef_m))
         if not distance_m <= FAR_M:
-            found.append(f"{receiver} reports a fix of its own {distance_m / 1000.0:.1f} km from its surveyed point")
+            found.append(f"{receiver} reports a fix of its own {_far(distance_m)} from its surveyed point")
     return found
+
+
+def _far(distance_m: float) -> str:
+    return f"{distance_m / 1000.0:.1f} km" if distance_m >= FAR_M else f"{distance_m:.1f} m"

@@ -100,7 +100,7 @@ class StationMonitor:
         self.limits = derive(site, self.triangle)
         self._points = points_at(self.triangle.pos_ecef_m)
         self._store = EphemerisStore(start.ephemerides)
-        self._reception = Reception(site.receiver_names, start.reception)
+        self._reception = Reception(site.receiver_names, start.reception, site.protocols)
         self._assembler = Assembler(site.receiver_names, site.epoch_interval_ns, self.limits, start.assembler, self._store)
         self._exclusions: Table = {x.satellite: x for x in start.exclusions}
         self._last_clean = start.last_clean

@@ -2,16 +2,18 @@
 
 import re
 from collections.abc import Iterable
+from typing import get_args
 
 from google.protobuf.descriptor_pb2 import FileDescriptorSet
 from google.protobuf.message import Message
 
+from integrity.config import Protocol
 from integrity.messages import wayside_pb2 as pb
 from integrity.messages.location_fix_pb2 import LocationFix
 
 PROFILE = "wayside.v1"  # of the MCAP header; another one is refused
 ENCODING = "protobuf"
-RAW_ENCODING = "ubx"
+RAW_ENCODINGS: tuple[Protocol, ...] = get_args(Protocol)  # of the bytes of receivers
 
 STATION_TOPICS: dict[str, type[Message]] = {
     "/started": pb.Started,

@@ -198,7 +198,7 @@ def simulate(
     from recordings.replay import decide_and_record, redacted
     from recordings.simulate.observations import antennas_of
     from recordings.simulate.observations import simulate as simulated
-    from recordings.simulate.receiver import as_bytes
+    from recordings.simulate.rtcm import as_sent
     from recordings.simulate.scenario import parse_scenario
 
     if output is None and serve is None:
@@ -212,7 +212,7 @@ def simulate(
     faults = parse_faults(story.faults, str(scenario), story.start_ns, site.config) if story.faults.strip() else ()
     measured = simulated(site.config, story.start_ns, story.duration_s, story.rate_hz, story.seed)
     before_receivers = [fault for fault in faults if not at_link(fault)]
-    sent = as_bytes(with_faults(measured, before_receivers, site.config), antennas_of(site.config))
+    sent = as_sent(with_faults(measured, before_receivers, site.config), antennas_of(site.config), site.config.protocols)
     events = with_faults(sent, [fault for fault in faults if at_link(fault)], site.config)
     if output is not None:
         truth = {"faults": story.faults.strip() + "\n", "scenario": redacted(text)}

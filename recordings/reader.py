@@ -2,7 +2,7 @@
 
 from collections import Counter
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import BinaryIO
 
@@ -13,9 +13,10 @@ from mcap.records import Message as McapMessage
 from mcap.stream_reader import StreamReader, breakup_chunk
 from zstandard import ZstdError
 
+from integrity.config import Protocol
 from integrity.errors import DecodeError, RecordingError
 from integrity.messages.inputs import parsed
-from recordings.channels import ENCODING, PROFILE, RAW_ENCODING, is_raw, message_type, receiver_of
+from recordings.channels import ENCODING, PROFILE, RAW_ENCODINGS, is_raw, message_type, receiver_of
 
 
 @dataclass(frozen=True)
@@ -37,7 +38,8 @@ class Entry:
 
 @dataclass(frozen=True)
 class Contents:
-    """A recording in memory. `damage` says in words what was found wrong; empty for a whole file. `receivers` have channels in it."""
+    """A recording in memory. `damage` says in words what was found wrong; empty for a whole file. `receivers` have channels in it,
+    `protocols` are of those whose bytes are not UBX."""
 
     path: Path
     metadata: dict[str, dict[str, str]]
@@ -45,6 +47,7 @@ class Contents:
     entries: tuple[Entry, ...]
     damage: str
     skipped_chunks: int
+    protocols: dict[str, Protocol] = field(default_factory=dict)
 
     def counts(self) -> dict[str, int]:
         """Messages per topic."""
@@ -88,7 +91,7 @@ def salvage(path: Path) -> Contents:
         damage.append(f"{promised} messages were written, {len(entries)} can be found")
     if not entries:
         raise RecordingError(f"{path}: {'; '.join(damage) or 'no message of Wayside in it'}; nothing to decide")
-    return Contents(path, metadata, topics.receivers, tuple(entries), "; ".join(dict.fromkeys(damage)), skipped)
+    return Contents(path, metadata, topics.receivers, tuple(entries), "; ".join(dict.fromkeys(damage)), skipped, topics.protocols)
 
 
 def _records(file: BinaryIO, path: Path, damage: list[str]) -> Iterator[object]:
@@ -118,6 +121,7 @@ class _Topics:
         self._path = path
         self._schema_name: dict[int, str] = {}
         self._channel: dict[int, tuple[str, type[Message] | None]] = {}
+        self.protocols: dict[str, Protocol] = {}  # of receivers whose bytes are not UBX
 
     def entries(self, chunk: Chunk) -> list[Entry]:
         """Messages of a chunk, its checksum verified."""
@@ -142,7 +146,10 @@ class _Topics:
         kind = message_type(channel.topic)
         schema = self._schema_name.get(channel.schema_id)
         if is_raw(channel.topic):
-            known = channel.message_encoding == RAW_ENCODING and channel.schema_id == 0
+            protocol = next((p for p in RAW_ENCODINGS if p == channel.message_encoding), None)
+            known = protocol is not None and channel.schema_id == 0
+            if protocol is not None and protocol != "ubx":
+                self.protocols[receiver_of(channel.topic) or ""] = protocol
         else:
             known = kind is not None and channel.message_encoding == ENCODING and schema == kind.DESCRIPTOR.full_name
         if not known:

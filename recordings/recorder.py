@@ -13,8 +13,8 @@ gone), its generation is over; whatever comes then is counted as lost, until the
 import errno
 import os
 import time
-from collections.abc import Callable, Iterable
-from dataclasses import dataclass
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass, field
 from itertools import count
 from pathlib import Path
 from queue import Empty, SimpleQueue
@@ -24,6 +24,7 @@ from typing import Generic, NamedTuple, Protocol, TypeVar
 from google.protobuf.message import Message
 
 from integrity import SOFTWARE
+from integrity.config import Protocol as StreamProtocol
 from integrity.errors import ConfigError
 from integrity.events import RawBytes
 from integrity.gnss.gps_time import NS_PER_S, format_calendar, utc_from_gps
@@ -53,7 +54,8 @@ T = TypeVar("T", bound=Timed)
 @dataclass(frozen=True)
 class Manner(Generic[T]):
     """How one program records: the name that its files begin with, their topics, the receivers that have topics of their own; the head
-    of a file that begins at a GPS and a monotonic time; the message of an event that is no RawBytes; what is written after an output."""
+    of a file that begins at a GPS and a monotonic time; the message of an event that is no RawBytes; what is written after an output;
+    the protocols of the receivers whose bytes are not UBX."""
 
     name: str
     topics: Iterable[str]
@@ -61,6 +63,7 @@ class Manner(Generic[T]):
     head: Callable[[int, int], Message]
     encode: Callable[[T], Message]
     after: Callable[[Message], Iterable[Message]]
+    protocols: Mapping[str, StreamProtocol] = field(default_factory=dict)
 
 
 class _Begin(NamedTuple):
@@ -255,7 +258,8 @@ class _Files(Generic[T]):
         self._directory.mkdir(parents=True, exist_ok=True)
         manner = self._manner
         path = _unused(self._directory, manner.name, utc_from_gps(begin.gps_ns))
-        self._writer = RecordingWriter(path, SOFTWARE, begin.gps_ns, begin.mono_ns, {}, manner.receivers, manner.topics)
+        times = (begin.gps_ns, begin.mono_ns)
+        self._writer = RecordingWriter(path, SOFTWARE, *times, {}, manner.receivers, manner.topics, manner.protocols)
         self._writer.write(manner.head(begin.gps_ns, begin.mono_ns), begin.mono_ns)
         self._writer.write(begin.snapshot, begin.mono_ns)
         self._writer.flush()

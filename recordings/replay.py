@@ -84,6 +84,12 @@ def replayable(contents: Contents, site: SiteFile | None = None, start_ns: int |
             f"the site file has receivers {', '.join(chosen.config.receiver_names)}, the recording {', '.join(own.config.receiver_names)}: "
             "name them as recorded"
         )
+    for receiver, protocol in own.config.protocols.items():
+        if chosen.config.protocols[receiver] != protocol:
+            raise ConfigError(
+                f"the site file has receiver {receiver} send {chosen.config.protocols[receiver]}, the recording holds {protocol}: "
+                f'write protocol = "{protocol}" below [receivers.{receiver}]'
+            )
     snapshots = [i for i, entry in enumerate(contents.entries) if isinstance(entry.message, pb.Snapshot)]
     before = [i for i in snapshots if start_ns is not None and gps_from_utc(contents.entries[i].log_ns) <= start_ns]
     first = (before[-1:] or snapshots[:1] or [0])[0]
@@ -172,7 +178,8 @@ def decide_and_record(
     first = events[0]
     gps_ns = gps_from_utc(first.mono_ns + boot.offset_ns) if boot else _gps_of_first(events)
     boot_id = boot.boot_id if boot else b""
-    with RecordingWriter(path, SOFTWARE, gps_ns, first.mono_ns, metadata, site.config.receiver_names) as writer:
+    names, protocols = site.config.receiver_names, site.config.protocols
+    with RecordingWriter(path, SOFTWARE, gps_ns, first.mono_ns, metadata, names, protocols=protocols) as writer:
         writer.write(head(site, gps_ns, first.mono_ns, boot_id), first.mono_ns)
         return decide(site, watch(events), snapshot, block_epochs=60, writer=writer, boot_id=boot_id)
 
@@ -196,16 +203,19 @@ def head(site: SiteFile, gps_ns: int, mono_ns: int, boot_id: bytes) -> pb.Starte
     )
 
 
-def redacted(site_toml: str) -> str:
-    """A site file without the credentials in its sources: recordings are passed on. The same text where there are none."""
-    document = tomllib.loads(site_toml)
-    receivers = document["receivers"].values()
-    with_credentials = [r for r in receivers if r.get("source", "").startswith("ntrip://") and "@" in r["source"]]
-    for receiver in with_credentials:
-        credentials, _, address = receiver["source"].removeprefix("ntrip://").rpartition("@")
+def redacted(text: str) -> str:
+    """A site or train file without the passwords in its sources: recordings are passed on. The same text where there are none."""
+    document = tomllib.loads(text)
+    tables = [*document.get("receivers", {}).values(), *document.get("antenna", [])]
+    with_credentials = [
+        table for table in tables if table.get("source", "").startswith(("ntrip://", "ntrips://")) and "@" in table["source"]
+    ]
+    for table in with_credentials:
+        scheme, _, rest = table["source"].partition("://")
+        credentials, _, address = rest.rpartition("@")
         user, colon, _password = credentials.partition(":")
-        receiver["source"] = f"ntrip://{user + colon if colon else ''}***@{address}"
-    return format_toml(document) if with_credentials else site_toml
+        table["source"] = f"{scheme}://{user + colon if colon else ''}***@{address}"
+    return format_toml(document) if with_credentials else text
 
 
 def window(text_from: str | None, text_to: str | None) -> tuple[int | None, int | None]:
@@ -261,7 +271,8 @@ def _record(
 
 def first_epoch_ns(todo: Replayable) -> int:
     """GPS time of the first row of observations."""
-    reception = Reception(todo.site.config.receiver_names, todo.snapshot.reception if todo.snapshot else ())
+    site = todo.site.config
+    reception = Reception(site.receiver_names, todo.snapshot.reception if todo.snapshot else (), site.protocols)
     for event in todo.events:
         for heard in reception.take(event):
             if isinstance(heard, ObservationsReceived):
@@ -287,7 +298,8 @@ def recover(path: Path, output: Path) -> Contents:
     begun = beginning(contents)
     topics = TRAIN_TOPICS if isinstance(begun, pb.TrainStarted) else STATION_TOPICS
     first_ns = contents.entries[0].log_ns
-    with RecordingWriter(output, begun.software, gps_from_utc(first_ns), first_ns, contents.metadata, contents.receivers, topics) as writer:
+    times, receivers = (gps_from_utc(first_ns), first_ns), contents.receivers
+    with RecordingWriter(output, begun.software, *times, contents.metadata, receivers, topics, contents.protocols) as writer:
         for entry in contents.entries:
             writer.add(entry.topic, entry.data, entry.log_ns)
     return contents

@@ -22,6 +22,7 @@ from recordings.site_schema import (
     ReceiverSection,
     RecordSection,
     SiteSection,
+    protocol_of,
     read_section,
     unknown_key,
 )
@@ -172,7 +173,15 @@ def _site_config(
         epoch_interval_ns=round(site.epoch_interval_s * NS_PER_S),
         host_clock=site.host_clock,
         receivers=tuple(
-            ReceiverConfig(name, points[name], receiver.model, receiver.supply, receiver.mast, receiver.switch)
+            ReceiverConfig(
+                name,
+                points[name],
+                receiver.model,
+                receiver.supply,
+                receiver.mast,
+                receiver.switch,
+                protocol_of(receiver.protocol, receiver.source),
+            )
             for name, receiver in receivers.items()
         ),
         integrity=IntegrityConfig(**promises),

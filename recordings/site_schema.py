@@ -9,18 +9,24 @@ from typing import Annotated, Any, Literal, TypeVar, get_args, get_origin
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
-from integrity.config import HostClock, IntegrityConfig, Rule, SatelliteFaultPolicy
+from integrity.config import HostClock, IntegrityConfig, Protocol, Rule, SatelliteFaultPolicy
 from recordings.toml_file import Parts, Problem, TomlDocument, did_you_mean, dotted
 
 NAME_PATTERN = "[A-Za-z0-9][A-Za-z0-9_-]*"  # of a site and of a receiver: both become parts of Zenoh keys, channels and columns
 _PORT = "([1-9][0-9]{0,3}|[1-5][0-9]{4}|6[0-4][0-9]{3}|65[0-4][0-9]{2}|655[0-2][0-9]|6553[0-5])"
 _HOST = r"(\[[0-9A-Fa-f:.]+\]|[^\s:/@?#]+)"
 ENDPOINT_PATTERN = rf"(tcp|udp|ws|tls|quic)/(\[[0-9A-Fa-f:.%]+\]|[^\s:/?#]+):{_PORT}([?#]\S*)?|unixsock-stream/\S+"  # of Zenoh
+_LATITUDE = r"-?(?:90(?:\.0*)?|[0-8]?[0-9](?:\.[0-9]*)?)"
+_LONGITUDE = r"-?(?:180(?:\.0*)?|(?:1[0-7][0-9]|[0-9]?[0-9])(?:\.[0-9]*)?)"
+_GGA = rf"gga={_LATITUDE},{_LONGITUDE},-?[0-9]{{1,4}}(?:\.[0-9]*)?"
+_CA = r"ca=[^\s&?#@]+"
+_MOUNT = rf"//((?P<credentials>\S*)@)?(?P<host>{_HOST}):(?P<port>{_PORT})/(?P<mount>[^\s/?#]+)"
 SIGMA_TEXT = "a standard deviation in metres, above 0 (from 1e-6) and at most 1000"  # squares and ratios then stay finite
 
 Name = Annotated[str, Field(pattern=f"^{NAME_PATTERN}$", description='a name of letters, digits, "-" and "_", such as "north-1"')]
 Text = Annotated[str, Field(min_length=1, description="text in quotes, not empty")]
 OptionalText = Annotated[str | None, Field(min_length=1, description="text in quotes, not empty")]
+OptionalProtocol = Annotated[Protocol | None, Field(description='"ubx" or "rtcm3"')]
 Sigma = Annotated[float, Field(ge=1e-6, le=1000, description=SIGMA_TEXT)]
 SigmaUp = Annotated[float | None, Field(ge=1e-6, le=1000, description=SIGMA_TEXT)]
 PerYear = Annotated[float, Field(gt=0, le=1000, description="a number per year, above 0 and at most 1000")]
@@ -59,6 +65,7 @@ class ReceiverSection(Section):
     """`[receivers.NAME]`: where its bytes come from, where its antenna stands, and what it may share with the others."""
 
     source: OptionalText = None
+    protocol: OptionalProtocol = None
     position_ecef_m: Ecef = None
     position_llh_deg_m: LatLonHeight = None
     model: OptionalText = None
@@ -128,7 +135,11 @@ SOURCE_FORMS = {  # scheme: the form as a person writes it, and what follows the
     "tcp": ("tcp://host:port", re.compile(f"//{_HOST}:{_PORT}/?")),
     "udp": ("udp://:port", re.compile(f"//{_HOST}?:{_PORT}/?")),
     "file": ("file:path", re.compile(r".*[^/\s].*")),
-    "ntrip": ("ntrip://user:pass@host:port/MOUNT", re.compile(rf"//(\S*@)?{_HOST}:{_PORT}/[^\s/]+")),
+    "ntrip": ("ntrip://user:pass@host:port/MOUNT", re.compile(rf"{_MOUNT}(\?(?P<options>{_GGA}))?")),
+    "ntrips": (
+        "ntrips://user:pass@host:port/MOUNT?ca=FILE",
+        re.compile(rf"{_MOUNT}(\?(?P<options>{_GGA}|{_CA}|{_GGA}&{_CA}|{_CA}&{_GGA}))?"),
+    ),
 }
 
 
@@ -183,3 +194,8 @@ def source_problem(source: str) -> str | None:
         return f"no such kind of source{hint}"
     form, pattern = SOURCE_FORMS[scheme]
     return None if pattern.fullmatch(rest) else f"expected {form}" + ", the port from 1 to 65535" * ("port" in form)
+
+
+def protocol_of(stated: Protocol | None, source: str | None) -> Protocol:
+    """What a receiver's bytes hold: as its table says, or else RTCM 3 from a caster and UBX from anything else."""
+    return stated or ("rtcm3" if (source or "").startswith(("ntrip:", "ntrips:")) else "ubx")

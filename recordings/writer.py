@@ -12,12 +12,13 @@ from collections.abc import Iterable, Mapping
 from contextlib import suppress
 from itertools import count
 from pathlib import Path
-from types import TracebackType
+from types import MappingProxyType, TracebackType
 from typing import Self
 
 from google.protobuf.message import Message
 from mcap.writer import CompressionType, IndexType, Writer
 
+from integrity.config import Protocol
 from integrity.errors import ConfigError
 from integrity.events import Event, RawBytes
 from integrity.gnss.gps_time import NS_PER_S, utc_from_gps
@@ -25,10 +26,10 @@ from integrity.messages.inputs import encode_event
 from recordings.channels import (
     ENCODING,
     PROFILE,
-    RAW_ENCODING,
     STATION_TOPICS,
     message_type,
     raw_topic,
+    receiver_of,
     receiver_topics,
     schema_bytes,
     topic_of,
@@ -42,6 +43,7 @@ class RecordingWriter:
     """`log_time` is UTC at the first event plus elapsed monotonic time: it never steps back.
 
     The channels of `topics` and `receivers` stand at the head of the file; one that is not named there is added when first written to.
+    `protocols` are of the receivers whose bytes are not UBX.
     """
 
     def __init__(
@@ -53,8 +55,10 @@ class RecordingWriter:
         metadata: Mapping[str, Mapping[str, str]],
         receivers: Iterable[str] = (),
         topics: Iterable[str] = STATION_TOPICS,
+        protocols: Mapping[str, Protocol] = MappingProxyType({}),
     ) -> None:
         self._path = path
+        self._protocols = protocols
         self.part = next(p for i in count() if not (p := path.with_name(f"{path.name}{f'.{i}' if i else ''}.part")).exists())
         if not path.parent.is_dir():
             raise ConfigError(f"{path}: there is no folder {path.parent} to write to; make it, or write elsewhere")
@@ -125,7 +129,8 @@ class RecordingWriter:
     def _channel(self, topic: str) -> int:
         if topic not in self._channel_of:
             kind = message_type(topic)
-            encoding, schema = (RAW_ENCODING, 0) if kind is None else (ENCODING, self._schema(kind))
+            raw: Protocol = self._protocols.get(receiver_of(topic) or "", "ubx")
+            encoding, schema = (raw, 0) if kind is None else (ENCODING, self._schema(kind))
             self._channel_of[topic] = self._writer.register_channel(topic, encoding, schema)
         return self._channel_of[topic]
 

@@ -1,7 +1,6 @@
 """`wayside station check`: everything wrong with a site file at once, and what its promises come to."""
 
 import math
-from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
@@ -11,7 +10,6 @@ from integrity.errors import ConfigError
 from integrity.limits import Limits, Threshold, derive
 from integrity.triangle import ReferenceTriangle, reference_triangle
 from recordings.site_file import SiteFile, examine_site, load_site, missing_sources
-from recordings.site_schema import ReceiverSection
 from recordings.toml_file import ConfigProblems, Problem, TomlDocument, by_line, read_toml
 
 
@@ -53,15 +51,7 @@ def check_site(path: Path) -> CheckReport:
         triangle = reference_triangle(findings.config)
         limits = _limits(document, findings.config, triangle, errors)
         facts = SiteFacts(findings.config, _sides_m(triangle), _angles_deg(triangle), limits)
-    warnings = [*findings.warnings, *_not_yet(document, findings.receivers)]
-    return CheckReport(document.file, by_line(errors), by_line(warnings), facts)
-
-
-def _not_yet(document: TomlDocument, receivers: Mapping[str, ReceiverSection]) -> list[Problem]:
-    """Sources that a site file may name and this version cannot open: `station run` refuses them."""
-    ntrip = [name for name, receiver in receivers.items() if (receiver.source or "").startswith("ntrip:")]
-    message = "this version cannot open ntrip sources: for `station run` use serial, tcp, udp or file"
-    return [document.problem(("receivers", name, "source"), message) for name in ntrip]
+    return CheckReport(document.file, by_line(errors), findings.warnings, facts)
 
 
 def sound_site(path: Path) -> SiteFile:

@@ -29,6 +29,7 @@ def manner_of(site: SiteFile, boot_id: bytes) -> Manner[Event]:
         head=lambda gps_ns, mono_ns: head(site, gps_ns, mono_ns, boot_id),
         encode=_encoded,
         after=after,
+        protocols=site.config.protocols,
     )
 
 

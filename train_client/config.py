@@ -2,17 +2,22 @@
 
 from dataclasses import dataclass
 
+from integrity.config import Protocol
 from train_client.trust import TrustLimits
 
 
 @dataclass(frozen=True)
 class AntennaConfig:
-    """One antenna: `x_m` from the front end, backwards negative; `y_m` right of the track centre; `height_m` above railhead."""
+    """One antenna: `x_m` from the front end, backwards negative; `y_m` right of the track centre; `height_m` above railhead.
+
+    `protocol` of its receiver's bytes.
+    """
 
     id: str
     x_m: float
     y_m: float
     height_m: float
+    protocol: Protocol = "ubx"
 
 
 @dataclass(frozen=True)
@@ -39,3 +44,8 @@ class TrainConfig:
     def antenna_ids(self) -> tuple[str, ...]:
         """In the order of the file."""
         return tuple(antenna.id for antenna in self.antennas)
+
+    @property
+    def protocols(self) -> dict[str, Protocol]:
+        """Of the receivers' bytes, by antenna."""
+        return {antenna.id: antenna.protocol for antenna in self.antennas}

@@ -6,6 +6,7 @@ from google.protobuf.message import Message
 
 from recordings.channels import TRAIN_TOPICS
 from recordings.recorder import Manner
+from recordings.replay import redacted
 from train_client.config import TrainConfig
 from train_client.events import TrainEvent
 from train_client.messages import encode_event, encode_started
@@ -21,7 +22,8 @@ def manner_of(train: TrainConfig, train_toml: str, map_json: str, keys: Mapping[
         name=train.train_id,
         topics=TRAIN_TOPICS,
         receivers=train.antenna_ids,
-        head=lambda gps_ns, mono_ns: encode_started(train, train_toml, map_json, keys, gps_ns, mono_ns),
+        head=lambda gps_ns, mono_ns: encode_started(train, redacted(train_toml), map_json, keys, gps_ns, mono_ns),
         encode=encode_event,
         after=nothing_more,
+        protocols=train.protocols,
     )

@@ -11,7 +11,18 @@ from typing import Annotated, Any, Literal
 from pydantic import Field
 
 from integrity.gnss.gps_time import NS_PER_S
-from recordings.site_schema import Endpoints, Name, OptionalText, Section, Sigma, Text, read_section, source_problem
+from recordings.site_schema import (
+    Endpoints,
+    Name,
+    OptionalProtocol,
+    OptionalText,
+    Section,
+    Sigma,
+    Text,
+    protocol_of,
+    read_section,
+    source_problem,
+)
 from recordings.toml_file import ConfigProblems, Problem, TomlDocument, did_you_mean, parse_toml, read_toml
 from train_client.config import AntennaConfig, TrainConfig
 from train_client.trust import TrustLimits
@@ -41,6 +52,7 @@ class AntennaSection(Section):
 
     id: Name
     source: OptionalText = None
+    protocol: OptionalProtocol = None
     x_m: Metres
     y_m: Metres = 0.0
     height_m: Annotated[float, Field(ge=0, le=10, description="metres above railhead, from 0 to 10")]
@@ -182,7 +194,7 @@ def _config(train: TrainSection, antennas: list[AntennaSection], trust: TrustSec
     config = TrainConfig(
         train_id=train.id,
         length_m=train.length_m,
-        antennas=tuple(AntennaConfig(a.id, a.x_m, a.y_m, a.height_m) for a in antennas),
+        antennas=tuple(AntennaConfig(a.id, a.x_m, a.y_m, a.height_m, protocol_of(a.protocol, a.source)) for a in antennas),
         epoch_interval_ns=round(train.epoch_interval_s * NS_PER_S),
         facing=FACING[train.facing],
         most_speed_mps=train.max_speed_mps,

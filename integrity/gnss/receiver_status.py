@@ -30,7 +30,10 @@ class Antenna(IntEnum):
 
 @dataclass(frozen=True)
 class ReceiverStatus:
-    """None: the receiver has not said. Position is that of its own fix: geodetic, radians, ellipsoidal height; `agc` from 0 to 1."""
+    """None: the receiver has not said. Position is that of its own fix: geodetic, radians, ellipsoidal height; `agc` from 0 to 1.
+
+    `stated_ecef_m` is where whoever runs it has said that its antenna is; `virtual`: that there is no antenna there.
+    """
 
     model: str | None = None
     fix_ok: bool | None = None
@@ -41,6 +44,8 @@ class ReceiverStatus:
     spoofing: Spoofing | None = None
     antenna: Antenna | None = None
     agc: float | None = None
+    stated_ecef_m: tuple[float, float, float] | None = None
+    virtual: bool | None = None
 
     def updated(self, later: "ReceiverStatus") -> "ReceiverStatus":
         """This status with everything that a later one says."""

@@ -11,9 +11,11 @@ from functools import lru_cache
 SYSTEM_NAMES = {"G": "GPS", "E": "Galileo", "C": "BeiDou", "R": "GLONASS", "J": "QZSS", "S": "SBAS"}
 SYSTEMS = tuple(SYSTEM_NAMES)
 
-# Time scales: a solution has a clock for each, in this order. QZSS and SBAS keep GPS time, and receivers measure them like GPS.
-TIME_SCALES = ("G", "E", "C", "R")
-_TIME_SCALE_OF = {system: TIME_SCALES.index("G" if system in "JS" else system) for system in SYSTEMS}
+# A solution has a clock for each of these, in this order. QZSS and SBAS keep GPS time, and receivers measure them like GPS. The second
+# and the third generation of BeiDou keep one time, but receivers measure metres between them (4 m free of ionosphere in one make).
+TIME_SCALES = ("GPS", "Galileo", "BeiDou-3", "BeiDou-2", "GLONASS")
+_TIME_SCALE_OF = {"G": 0, "J": 0, "S": 0, "E": 1, "C": 2, "R": 4}
+LAST_OF_BEIDOU_2 = 18  # BDS-SIS-ICD B1I 3.0, 4.3.2, and the constellation status of the China Satellite Navigation Office
 
 Codes = Mapping[str, tuple[str, ...]]  # by system letter; of several that all receivers track, the first in this order
 
@@ -30,11 +32,11 @@ FIRST_CODES: Codes = {
 # What decisions are made of. GLONASS is not among them: receivers delay each of its channels differently, by metres that no message tells;
 # nor are the ranges of SBAS satellites, which are worse than those of the others.
 MONITORED_CODES: Codes = {system: FIRST_CODES[system] for system in "GECJ"}
-# What they are combined with: L2, E5b, B3I or B2I, G2: signals for which the broadcast clock is right (`ephemeris.broadcast`).
+# What they are combined with: L2 (open L2C before P(Y)), E5a or E5b, B3I or B2I, G2: signals whose group delay is broadcast.
 SECOND_CODES: Codes = {
-    "G": ("2W", "2L", "2X", "2S", "2C", "2P"),
-    "E": ("7Q", "7X", "7I"),
-    "C": ("7I", "6I"),
+    "G": ("2L", "2X", "2S", "2W", "2C", "2P"),
+    "E": ("5Q", "5X", "5I", "7Q", "7X", "7I"),
+    "C": ("6I", "7I"),
     "R": ("2C", "2P"),
     "J": ("2L", "2X", "2S"),
 }
@@ -66,7 +68,8 @@ def satellite_of(signal: str) -> str:
 
 def time_scale_index(satellite: str) -> int:
     """Place of the satellite's clock in `TIME_SCALES`."""
-    return _TIME_SCALE_OF[satellite[0]]
+    scale = _TIME_SCALE_OF[satellite[0]]
+    return scale + 1 if satellite[0] == "C" and int(satellite[1:]) <= LAST_OF_BEIDOU_2 else scale
 
 
 def bands_of(signal: str) -> tuple[str, ...]:

@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 from integrity.config import SiteConfig
+from integrity.errors import ConfigError
 from integrity.events import Event, Heard, ObservationsReceived, RawBytes
 from integrity.gnss.ubx.framing import Framer, frame_bytes
 from integrity.gnss.ubx.rawx import RXM_RAWX, decode_rawx
@@ -62,7 +63,10 @@ class Measured(NamedTuple):
 
 
 def receive(events: Sequence[Event], site: SiteConfig, snapshot: Snapshot | None) -> Received:
-    """Decode as a station does that begins with `snapshot`; what receivers say of themselves is left out."""
+    """Decode as a station does that begins with `snapshot`; what receivers say of themselves is left out.
+
+    ConfigError for bytes of a receiver that does not send UBX.
+    """
     reception = Reception(site.receiver_names, (replace(memory, pending=b"") for memory in (snapshot.reception if snapshot else ())))
     found: list[tuple[Heard, int]] = []
     frames: dict[int, FrameAt] = {}
@@ -122,6 +126,10 @@ def _frames(events: Sequence[Event], site: SiteConfig, snapshot: Snapshot | None
     for place, event in enumerate(events):
         if not isinstance(event, RawBytes):
             yield event, place, None
+        elif site.protocols.get(event.receiver) == "rtcm3":
+            raise ConfigError(
+                f"receiver {event.receiver} sends RTCM 3: faults can be put into UBX and into decoded measurements only, not into its bytes"
+            )
         elif event.receiver in streams:
             for frame in streams[event.receiver].frames(event.data, place):
                 yield event, place, frame

@@ -5,7 +5,6 @@
 
 import errno
 import os
-import select
 import socket
 import termios
 from collections.abc import Callable
@@ -18,10 +17,9 @@ from serial import Serial, SerialException
 
 from integrity.errors import ConfigError, LinkError
 from recordings.site_schema import source_problem
-from recordings.sources.links import MOST_BYTES, Link, OneSender, Wake, read_stream, reason, wait_for
+from recordings.sources.links import MOST_BYTES, SILENT_AFTER_S, Link, OneSender, Wake, connect_tcp, read_stream, reason
+from recordings.sources.ntrip import NtripSource, parse_ntrip
 
-CONNECT_TIMEOUT_S = 5.0
-SILENT_AFTER_S = 10.0
 DEFAULT_BAUD = 38400  # how UART1 of a u-blox F9 comes up; a USB port ignores it
 
 Tell = Callable[[str], None]
@@ -66,33 +64,8 @@ class TcpSource:
 
     def open(self, wake: Wake, tell: Tell, silent_after_s: float = SILENT_AFTER_S) -> Link:
         """Connect to the first address that answers. So long a silence counts as a loss: a half-open connection looks like that."""
-        try:
-            addresses = socket.getaddrinfo(self.host, self.port, type=socket.SOCK_STREAM)
-        except (OSError, UnicodeError) as error:
-            raise LinkError(f"{self.url}: no address for {self.host}: {reason(error)}") from None
-        refusals = []
-        for family, kind, protocol, _, address in addresses:
-            connection = socket.socket(family, kind, protocol)
-            try:
-                self._connect(connection, address, wake)
-                connection.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
-                connection.setsockopt(socket.SOL_SOCKET, socket.SO_KEEPALIVE, 1)
-            except OSError as error:
-                connection.close()
-                refusals.append(reason(error))
-                continue
-            return Link(connection.fileno(), partial(read_stream, connection.fileno()), connection.close, wake, silent_after_s)
-        raise LinkError(f"{self.url}: {refusals[-1]}: is the receiver switched on, the cable in, the port right?")
-
-    def _connect(self, connection: socket.socket, address: tuple[object, ...], wake: Wake) -> None:
-        connection.setblocking(False)
-        code = connection.connect_ex(address)
-        if code == errno.EINPROGRESS:
-            if not wait_for(connection, select.POLLOUT, CONNECT_TIMEOUT_S, wake):
-                raise TimeoutError(errno.ETIMEDOUT, f"no answer in {CONNECT_TIMEOUT_S:g} s")
-            code = connection.getsockopt(socket.SOL_SOCKET, socket.SO_ERROR)
-        if code:
-            raise OSError(code, os.strerror(code))
+        connection = connect_tcp(self.url, self.host, self.port, "is the receiver switched on, the cable in, the port right?", wake)
+        return Link(connection.fileno(), partial(read_stream, connection.fileno()), connection.close, wake, silent_after_s)
 
 
 @dataclass(frozen=True)
@@ -145,23 +118,22 @@ class FileSource:
         return Link(fd, lambda: os.read(fd, MOST_BYTES) or None, partial(os.close, fd), wake)
 
 
-Source = SerialSource | TcpSource | UdpSource | FileSource
+Source = SerialSource | TcpSource | UdpSource | FileSource | NtripSource
 
 
 def parse_source(url: str) -> Source:
-    """The source at an address; ConfigError where it is malformed, or of a kind that this version cannot open."""
+    """The source at an address; ConfigError where it is malformed."""
     problem = source_problem(url)
     if problem is not None:
-        raise ConfigError(f"source {url!r}: {problem}")
+        raise ConfigError(f"source {url.rpartition('@')[2]!r}: {problem}")
     scheme, _, rest = url.partition(":")
     if scheme == "file":  # taken as it stands: a path may hold "?", "#" and "%"
         return FileSource(url, rest.removeprefix("//"))
+    if scheme in ("ntrip", "ntrips"):
+        return parse_ntrip(url)
     parts = urlsplit(url)
     if scheme == "serial":
         return SerialSource(url, parts.netloc + parts.path, int(parse_qs(parts.query).get("baud", [str(DEFAULT_BAUD)])[0]))
-    if scheme in ("tcp", "udp"):
-        assert parts.port is not None  # the form was checked above
-        kind = TcpSource if scheme == "tcp" else UdpSource
-        return kind(url, parts.hostname or "", parts.port)
-    where = f"{parts.hostname}:{parts.port}"  # without user and password
-    raise ConfigError(f"source {scheme}://{where}: this version cannot open {scheme} sources: use serial, tcp, udp or file")
+    assert parts.port is not None  # the form was checked above
+    kind = TcpSource if scheme == "tcp" else UdpSource
+    return kind(url, parts.hostname or "", parts.port)

@@ -5,6 +5,7 @@ a `Wake`, so that whoever waits for bytes, for a connection or for the next try 
 """
 
 import contextlib
+import errno
 import os
 import select
 import socket
@@ -16,6 +17,8 @@ from integrity.errors import LinkError
 
 MOST_BYTES = 65536  # of one read; no datagram is longer
 WRITE_TIMEOUT_S = 2.0
+CONNECT_TIMEOUT_S = 5.0
+SILENT_AFTER_S = 10.0
 
 
 class Wake:
@@ -59,12 +62,22 @@ class Link:
     """An open link. Where it is of no more use, `read` and `write` raise LinkError."""
 
     def __init__(
-        self, fd: int, receive: Callable[[], bytes | None], close: Callable[[], None], wake: Wake, silent_after_s: float | None = None
+        self,
+        fd: int,
+        receive: Callable[[], bytes | None],
+        close: Callable[[], None],
+        wake: Wake,
+        silent_after_s: float | None = None,
+        has_more: Callable[[], bool] = lambda: False,
     ) -> None:
-        """`receive` takes what is there, without waiting. With `silent_after_s`, so long a silence counts as the loss of the link."""
+        """`receive` takes what is there, without waiting. With `silent_after_s`, so long a silence counts as the loss of the link.
+
+        `has_more`: whether `receive` has something that the descriptor does not show, since it was read from there already.
+        """
         self.close = close
         self._fd = fd
         self._receive = receive
+        self._has_more = has_more
         self._silent_after_s = silent_after_s
         self._heard_s = time.monotonic()
         self._poll = select.poll()
@@ -76,8 +89,9 @@ class Link:
         limits_s = [] if timeout_s is None else [timeout_s]
         if self._silent_after_s is not None:
             limits_s.append(self._heard_s + self._silent_after_s - time.monotonic())
-        ready = self._poll.poll(1000.0 * max(0.0, min(limits_s)) if limits_s else None)
-        if any(fd == self._fd for fd, _ in ready):
+        more = self._has_more()
+        ready = [] if more else self._poll.poll(1000.0 * max(0.0, min(limits_s)) if limits_s else None)
+        if more or any(fd == self._fd for fd, _ in ready):
             data = self._received()
             if data is None or data:
                 self._heard_s = time.monotonic()
@@ -103,6 +117,38 @@ class Link:
                 data = data[os.write(self._fd, data) :]
         except OSError as error:
             raise LinkError(reason(error)) from None
+
+
+def connect_tcp(url: str, host: str, port: int, remedy: str, wake: Wake) -> socket.socket:
+    """A connection to the first address that answers, which never blocks; LinkError in the name of `url` where none does."""
+    try:
+        addresses = socket.getaddrinfo(host, port, type=socket.SOCK_STREAM)
+    except (OSError, UnicodeError) as error:
+        raise LinkError(f"{url}: no address for {host}: {reason(error)}") from None
+    refusals = []
+    for family, kind, protocol, _, address in addresses:
+        connection = socket.socket(family, kind, protocol)
+        try:
+            _connect(connection, address, wake)
+            connection.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+            connection.setsockopt(socket.SOL_SOCKET, socket.SO_KEEPALIVE, 1)
+        except OSError as error:
+            connection.close()
+            refusals.append(reason(error))
+            continue
+        return connection
+    raise LinkError(f"{url}: {refusals[-1]}: {remedy}")
+
+
+def _connect(connection: socket.socket, address: tuple[object, ...], wake: Wake) -> None:
+    connection.setblocking(False)
+    code = connection.connect_ex(address)
+    if code == errno.EINPROGRESS:
+        if not wait_for(connection, select.POLLOUT, CONNECT_TIMEOUT_S, wake):
+            raise TimeoutError(errno.ETIMEDOUT, f"no answer in {CONNECT_TIMEOUT_S:g} s")
+        code = connection.getsockopt(socket.SOL_SOCKET, socket.SO_ERROR)
+    if code:
+        raise OSError(code, os.strerror(code))
 
 
 def read_stream(fd: int) -> bytes:

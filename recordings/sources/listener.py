@@ -12,8 +12,9 @@ from typing import Any
 from integrity.errors import LinkError
 from integrity.gnss.gps_time import NS_PER_S
 from recordings.sources.inbox import Inbox
-from recordings.sources.kinds import SILENT_AFTER_S, FileSource, Source, parse_source
-from recordings.sources.links import Link, Wake
+from recordings.sources.kinds import FileSource, Source, parse_source
+from recordings.sources.links import SILENT_AFTER_S, Link, Wake
+from recordings.sources.ntrip import NtripSource
 
 FIRST_WAIT_S = 1.0
 LONGEST_WAIT_S = 60.0
@@ -123,6 +124,8 @@ def listener_of(receiver: str, url: str, folder: Path, inbox: Inbox[Any], interv
     source = parse_source(url)
     if isinstance(source, FileSource):
         source = replace(source, path=str(folder / source.path))
+    if isinstance(source, NtripSource) and source.ca is not None:
+        source = replace(source, ca=str(folder / source.ca))
     put = inbox.put_of_file if isinstance(source, FileSource) else inbox.put
     silent_after_s = max(SILENT_AFTER_S, 3 * interval_ns / NS_PER_S)
     return Listener(receiver, source, put, lambda name, line: say(f"{name}: {line}"), silent_after_s=silent_after_s)

@@ -13,7 +13,7 @@ from tempfile import TemporaryDirectory
 from typing import Any
 
 from tests.rinex_text import write_rinex
-from tests.unit.sites import SITE as SITE_TEXT
+from tests.unit.sites import UBX_SITE as SITE_TEXT
 from tests.unit.streams import stream
 from wayside import main as entry_point
 

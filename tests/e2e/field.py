@@ -17,7 +17,7 @@ from integrity.events import Event
 from integrity.gnss.gps_time import parse_utc
 from recordings.keys import new_key, trusted_table
 from recordings.simulate.observations import antennas_of, simulate
-from recordings.simulate.receiver import as_bytes
+from recordings.simulate.rtcm import as_sent
 from recordings.simulate.server import ReceiverServer
 from recordings.site_file import SiteFile, load_site
 from tests.unit.sites import A_ECEF_M, B_ECEF_M, C_ECEF_M
@@ -62,14 +62,21 @@ class Field:
         return sorted(path for path in self.records.iterdir() if path.suffix in (".mcap", ".part"))
 
 
-def make_field(folder: Path, sources: Mapping[str, str], interval_s: float = 1.0, recover_after_s: float = 3.0, more: str = "") -> Field:
-    """A site of three antennas 120 m apart; `more` is TOML at the end of `[integrity]`, and after it."""
+def make_field(
+    folder: Path,
+    sources: Mapping[str, str],
+    interval_s: float = 1.0,
+    recover_after_s: float = 3.0,
+    more: str = "",
+    of_receivers: str = "",
+) -> Field:
+    """A site of three antennas 120 m apart; `more` is TOML at the end of `[integrity]`, and after it, `of_receivers` of each receiver."""
     endpoint = f"tcp/127.0.0.1:{free_port()}"
     key = folder / "keys" / f"{SITE_ID}.pem"
     public = new_key(key).public
     (folder / "keys" / "trusted.toml").write_text(trusted_table(SITE_ID, public))
     receivers = "\n".join(
-        f'[receivers.{name}]\nsource = "{sources[name]}"\nposition_ecef_m = {list(point)}'
+        f'[receivers.{name}]\nsource = "{sources[name]}"\nposition_ecef_m = {list(point)}\n{of_receivers}'
         for name, point in zip("ABC", (A_ECEF_M, B_ECEF_M, C_ECEF_M), strict=True)
     )
     (folder / "site.toml").write_text(
@@ -81,9 +88,9 @@ def make_field(folder: Path, sources: Mapping[str, str], interval_s: float = 1.0
 
 
 def measured(site: SiteFile, seconds: float, seed: int = 1) -> tuple[Event, ...]:
-    """What the receivers of the site send, as bytes, and ticks."""
+    """What the receivers of the site send, as bytes, each by its protocol, and ticks."""
     interval_s = site.config.epoch_interval_ns / 1e9
-    return as_bytes(simulate(site.config, START_NS, seconds, 1.0 / interval_s, seed), antennas_of(site.config))
+    return as_sent(simulate(site.config, START_NS, seconds, 1.0 / interval_s, seed), antennas_of(site.config), site.config.protocols)
 
 
 @contextmanager

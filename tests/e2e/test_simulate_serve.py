@@ -25,7 +25,7 @@ from recordings.replay import replayable
 from recordings.simulate.observations import antennas_of, simulate
 from recordings.simulate.receiver import as_bytes
 from recordings.simulate.server import ReceiverServer
-from tests.unit.sites import SITE as SITE_TEXT
+from tests.unit.sites import UBX_SITE as SITE_TEXT
 from tests.unit.streams import SITE, START_NS, a_site
 
 ROOT = Path(__file__).parents[2]

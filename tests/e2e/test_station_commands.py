@@ -76,10 +76,6 @@ def no_source(field: Field) -> None:
     edit(field, f'[receivers.B]\nsource = "{NOBODY["B"]}"', "[receivers.B]")
 
 
-def ntrip_source(field: Field) -> None:
-    edit(field, f'[receivers.C]\nsource = "{NOBODY["C"]}"', '[receivers.C]\nsource = "ntrip://user:secret@caster.example:2101/MOUNT"')
-
-
 def below_a_file(field: Field) -> None:
     edit(field, str(field.records), str(written(field.folder / "file", "no directory") / "deeper"))
 
@@ -87,7 +83,6 @@ def below_a_file(field: Field) -> None:
 # What is wrong with a station's folder, the exit code, and what stderr must say.
 UNFIT: dict[str, tuple[Callable[[Field], object], int, str]] = {
     "no source": (no_source, 2, r"site\.toml:\d+: receivers\.B\.source: missing: add the address of the receiver's bytes"),
-    "an ntrip source": (ntrip_source, 2, r"source ntrip://caster\.example:2101: this version cannot open ntrip sources: use serial, tcp,"),
     "no key": (
         lambda field: key_of(field).unlink(),
         2,

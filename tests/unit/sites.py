@@ -47,6 +47,7 @@ directory = "/var/lib/wayside"
 [page]
 listen = "127.0.0.1:8080"
 """
+ALL_UBX = ('/MOUNT"\n', '/MOUNT"\nprotocol = "ubx"\n')  # an edit: as what is simulated without regard to protocols
 
 
 def edited(*edits: tuple[str, str]) -> str:
@@ -56,3 +57,6 @@ def edited(*edits: tuple[str, str]) -> str:
         assert text.count(old) == 1, f"{old!r} stands {text.count(old)} times in the sample"
         text = text.replace(old, new)
     return text
+
+
+UBX_SITE = edited(ALL_UBX)

@@ -55,6 +55,16 @@ def test_another_city_is_said_with_its_distance() -> None:
     assert remark.startswith("B reports a fix of its own 3") and remark.endswith("km from its surveyed point")
 
 
+@pytest.mark.parametrize(("apart_m", "said"), [(4.99, []), (5.01, ["B is said to have its antenna 5.0 m from its surveyed point"])])
+def test_an_antenna_said_to_be_elsewhere(apart_m: float, said: list[str]) -> None:
+    x_m, y_m, z_m = TRIANGLE.pos_ecef_m[1]
+    assert of_b(replace(HERE, stated_ecef_m=(float(x_m), float(y_m), float(z_m) - apart_m))) == said
+
+
+def test_a_virtual_station_is_named() -> None:
+    assert of_b(replace(HERE, virtual=True)) == ["B sends what was computed for a virtual station: there is no antenna"]
+
+
 def test_every_receiver_has_its_say() -> None:
     said = remarks((("A", ReceiverStatus(fix_ok=False)), ("C", ReceiverStatus(fix_ok=False))), TRIANGLE)
     assert said == ("A reports no fix of its own", "C reports no fix of its own")

@@ -105,6 +105,13 @@ BAD: dict[str, tuple[tuple[str, str], str, str]] = {
     "no port": (("10.0.0.2:2000", "10.0.0.2"), 'site.toml:12: receivers.B.source = "tcp://10.0.0.2": expected tcp://host:port', "port"),
     "large port": (("10.0.0.2:2000", "10.0.0.2:65536"), 'site.toml:12: receivers.B.source = "tcp://10.0.0.2:65536": expected', "65535"),
     "baud": (("baud=460800", "baud=fast"), 'site.toml:8: receivers.A.source = "serial:///dev/ttyACM0?baud=fast": expected serial', ""),
+    "protocol": (
+        ('model = "mosaic-X5"', 'protocol = "rtcm"'),
+        'site.toml:14: receivers.B.protocol = "rtcm": expected "ubx" or "rtcm3"',
+        "",
+    ),
+    "latitude of a caster's position": (("2101/MOUNT", "2101/M?gga=90.1,0,0"), "site.toml:16: receivers.C.source", "/MOUNT"),
+    "certificates without TLS": (("2101/MOUNT", "2101/M?ca=ca.pem"), "site.toml:16: receivers.C.source", "ntrip://"),
     "no mount": (("2101/MOUNT", "2101"), "site.toml:16: receivers.C.source", "/MOUNT"),
     "same source": (("tcp://10.0.0.2:2000", "serial:///dev/ttyACM0"), "site.toml:12: receivers.B.source", "receiver A has the same"),
     "too small": (
@@ -251,22 +258,6 @@ def test_a_file_with_nothing_optional_has_the_documented_defaults() -> None:
 def test_sections_left_out_have_their_defaults() -> None:
     site = parse_site(MINIMAL, "site.toml")
     assert (site.publish.listen, site.publish.connect, site.publish.key) == (("tcp/0.0.0.0:7447",), (), "keys/s.pem")
-
-
-def test_sources_are_by_receiver_and_may_be_missing() -> None:
-    assert parse_site(edited(('source = "tcp://10.0.0.2:2000"\n', "")), "site.toml").sources == {
-        "A": "serial:///dev/ttyACM0?baud=460800",
-        "B": None,
-        "C": "ntrip://user:secret@caster.example:2101/MOUNT",
-    }
-
-
-@pytest.mark.parametrize(
-    "source",
-    ["udp://:5000", "udp://239.0.0.1:5000", "file:rec/a.ubx", "file:/rec/a.ubx", "tcp://[::1]:2000", "ntrip://h:2101/M", "serial://COM3"],
-)
-def test_a_well_formed_source_is_taken(source: str) -> None:
-    assert parse_site(edited(("tcp://10.0.0.2:2000", source)), "site.toml").sources["B"] == source
 
 
 def test_receivers_stand_in_the_order_of_their_names() -> None:

@@ -9,19 +9,11 @@ from recordings.site_file import parse_site
 from station.check import CheckReport, as_json, check_site, render
 from tests.unit.sites import SITE, edited
 
-NTRIP = "ntrip://user:secret@caster.example:2101/MOUNT"
-
 
 def checked(folder: Path, *edits: tuple[str, str]) -> CheckReport:
     path = folder / "site.toml"
-    path.write_text(edited(*edits).replace(NTRIP, "udp://:2103"))
+    path.write_text(edited(*edits))
     return check_site(path)
-
-
-def test_a_source_that_cannot_be_opened_yet_is_a_warning(tmp_path: Path) -> None:
-    path = tmp_path / "site.toml"
-    path.write_text(edited())
-    assert [(w.key, "cannot open ntrip" in w.message) for w in check_site(path).warnings] == [("receivers.C.source", True)]
 
 
 def test_the_sound_file_can_be_used(tmp_path: Path) -> None:

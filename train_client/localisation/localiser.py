@@ -61,7 +61,7 @@ class TrainLocaliser:
         limits = derive()
         timing = Timing(limits.alignment_tolerance_ns, limits.alignment_tolerance_ns, silence_ns(train.epoch_interval_ns))
         self._store = EphemerisStore(start.ephemerides)
-        self._reception = Reception(train.antenna_ids, start.reception)
+        self._reception = Reception(train.antenna_ids, start.reception, train.protocols)
         self._agreement = NavigationAgreement(train.antenna_ids, start.told)
         self._assembler = Assembler(train.antenna_ids, train.epoch_interval_ns, timing, start.assembler, self._store)
         self._fixes = FixMaker(train, track, self._store, limits, start.fixes)

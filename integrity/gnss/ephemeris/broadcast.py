@@ -68,7 +68,8 @@ class GlonassEphemeris:
     """One set of GLONASS: position, velocity and luni-solar acceleration in PZ-90 (ECEF of that time) at toe (t_b), m, m/s, m/s2.
 
     `tau_n_s`, `gamma_n`: the satellite's clock is behind GLONASS time by tau_n - gamma_n (t - t_b); `delta_tau_n_s`: G2 leaves that much
-    after G1 (None: not told). `issue` is t_b in quarters of an hour of the Moscow day. `channel` is the frequency number H_n. Source: GLONASS ICD 5.1, 4.4.
+    after G1 (None: not told). `issue` is t_b in quarters of an hour of the Moscow day, `channel` the frequency number H_n.
+    Source: GLONASS ICD 5.1, 4.4.
     """
 
     satellite: str

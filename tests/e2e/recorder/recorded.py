@@ -7,10 +7,10 @@ from integrity.gnss.gps_time import NS_PER_S, parse_utc
 from integrity.messages.snapshots import encode_snapshot
 from recordings.reader import Contents
 from recordings.site_file import parse_site
-from tests.unit.sites import edited
+from tests.unit.sites import ALL_UBX, edited
 from tests.unit.streams import new_monitor
 
-SITE = parse_site(edited(("recover_after_s = 30.0", "recover_after_s = 5.0")), "site.toml")
+SITE = parse_site(edited(ALL_UBX, ("recover_after_s = 30.0", "recover_after_s = 5.0")), "site.toml")
 GPS_NS = parse_utc("2026-03-02T03:59:49.9Z")
 FIRST, SECOND = "kokubunji-1-20260302T035949Z", "kokubunji-1-20260302T040000Z"
 BOOT_ID = bytes(range(16))

@@ -42,7 +42,7 @@ def test_a_pair_does_not_see_what_grows_with_the_square_of_the_wavelength(first:
 
 def test_pairs_are_named_for_both_signals_the_preferred_one_first() -> None:
     pairs = ionosphere_free(block_of({"G05.2L": 2.2e7, "G05.1C": 2.2e7, "G05.2W": 2.2e7, "G07.1C": 2.3e7, "G09.2W": 2.3e7}))
-    assert (pairs.signals, pairs.satellites) == (("G05.1C+2W", "G05.1C+2L"), ("G05", "G05"))
+    assert (pairs.signals, pairs.satellites) == (("G05.1C+2L", "G05.1C+2W"), ("G05", "G05"))
 
 
 def test_a_pair_is_as_weak_as_the_weaker_of_its_signals() -> None:

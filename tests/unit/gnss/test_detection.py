@@ -132,6 +132,24 @@ def test_no_exclusion_without_redundancy_left_to_check_it() -> None:
     assert not (checked(sky).finding == Finding.PASSED).any()
 
 
+def test_what_remains_without_redundancy_is_not_verified() -> None:
+    """Were residuals with a correlation of one told apart, an exclusion would leave as many ranges as unknowns."""
+    sky = with_faults(made_sky(7, (5,), epochs=1, receivers=1, noise=0.3), s2=1e4)
+    assert checked(sky, Criteria(LIMITS.chi2, LIMITS.largest, 3, 2.0, LIMITS.margin)).finding.item() == Finding.UNVERIFIED
+
+
+def test_what_remains_with_a_poor_geometry_is_not_verified() -> None:
+    """A ring at one elevation, but for a thousandth, and one satellite above, without which height and clock are one."""
+    az_rad = np.arange(8) * (2.0 * np.pi / 7.0)
+    up = 0.2 + 1e-3 * np.cos(2.0 * az_rad)
+    up[7] = 1.0
+    level = np.sqrt(1.0 - up**2)
+    los_enu = np.array((level * np.sin(az_rad), level * np.cos(az_rad), up))[:, None, None]
+    sky = made_sky(6, (8,), epochs=1, receivers=1, noise=0.0)
+    still = sky._replace(los_enu=los_enu, sigma_m=np.ones((1, 1, 8)), residual_m=np.zeros((1, 1, 8)))
+    assert checked(with_faults(still, s7=1e6)).finding.item() == Finding.UNVERIFIED
+
+
 def test_as_many_ranges_as_unknowns_are_unchecked() -> None:
     assert (checked(made_sky(10, (4,))).finding == Finding.UNCHECKED).all()
 

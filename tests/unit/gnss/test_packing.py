@@ -14,8 +14,8 @@ SIGNALS = tuple(f"{s}{k:02d}.{code}" for s, code in (("E", "1C"), ("E", "7Q"), (
 
 def row(receiver: str, e: int, signals: Iterable[str], rng: np.random.Generator) -> ObservationRow:
     names = tuple(signals)
-    numbers = rng.uniform(2e7, 3e7, (5, len(names)))
-    return ObservationRow(receiver, e, names, *numbers, rng.random(len(names)) < 0.5, rng.random(len(names)) < 0.5)
+    a, b, c, d, f = rng.uniform(2e7, 3e7, (5, len(names)))
+    return ObservationRow(receiver, e, names, a, b, c, d, f, rng.random(len(names)) < 0.5, rng.random(len(names)) < 0.5)
 
 
 def sparse(seed: int = 1) -> ObservationBlock:

@@ -91,6 +91,10 @@ def test_a_velocity_is_found_to_a_millimetre_a_second(v_enu_mps: tuple[float, ..
     np.testing.assert_allclose(found.v_enu_mps[0, 0], v_enu_mps, atol=1e-3)
 
 
+def test_at_rest_it_is_found_to_a_tenth_of_a_millimetre_a_second() -> None:
+    np.testing.assert_allclose(solved(drive(np.zeros(3), 1e-6)).v_enu_mps[0, 0], 0.0, atol=1e-4)
+
+
 @pytest.mark.parametrize("drift", [0.0, 1e-6, -5e-6])
 def test_the_clocks_drift_is_found_to_a_millimetre_a_second(drift: float) -> None:
     found = solved(drive(np.array([30.0, -20.0, 1.0]), drift))

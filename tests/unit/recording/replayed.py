@@ -11,12 +11,13 @@ from integrity.outputs import EpochReport, Output
 from recordings.reader import Contents, read_recording
 from recordings.replay import decide, decide_and_record, replayable
 from recordings.site_file import SiteFile, override_site, parse_site
-from tests.unit.sites import edited
+from tests.unit.sites import ALL_UBX, edited
 from tests.unit.streams import START_NS, epoch_of, reports, rows_changed, stream, with_more
 
 SECONDS = 40
 SLOW_EPOCHS, SLOW_INTERVAL_S = 270, 30  # two hours and a quarter: three snapshots, new ephemerides on the way
-SITE = parse_site(edited(("recover_after_s = 30.0", "recover_after_s = 5.0"), ('fault = "stop"', 'fault = "exclude"')), "site.toml")
+EDITS = (ALL_UBX, ("recover_after_s = 30.0", "recover_after_s = 5.0"), ('fault = "stop"', 'fault = "exclude"'))
+SITE = parse_site(edited(*EDITS), "site.toml")
 SLOW_SITE = override_site(SITE, [f"epoch_interval_s={SLOW_INTERVAL_S}.0", "recover_after_s=90.0"])
 
 

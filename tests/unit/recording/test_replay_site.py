@@ -53,6 +53,14 @@ def test_other_names_of_receivers_are_refused(fast: Recorded) -> None:
         replayable(fast.contents, renamed)
 
 
+def test_another_protocol_is_refused(fast: Recorded) -> None:
+    other = parse_site(edited(('model = "mosaic-X5"', 'protocol = "rtcm3"')), "other.toml")
+    with pytest.raises(
+        ConfigError, match=r"has receiver B send rtcm3, the recording holds ubx: write protocol = \"ubx\" below \[receivers.B\]"
+    ):
+        replayable(fast.contents, other)
+
+
 # Secrets
 
 SOURCES = {
@@ -60,6 +68,7 @@ SOURCES = {
     "password with @": "ntrip://user:x@hunter2@caster.example:2101/MOUNT",
     "password with quote": "ntrip://user:it's-hunter2@caster.example:2101/MOUNT",
     "no user": "ntrip://:hunter2@caster.example:2101/MOUNT",
+    "TLS": "ntrips://user:hunter2@caster.example:2101/MOUNT",
     "capitals": "NTRIP://user:hunter2@caster.example:2101/MOUNT",
     "percent": "ntrip://user:hunter2%40@caster.example:2101/MOUNT",
 }

@@ -57,6 +57,7 @@ HEADER_3 = (
 )
 G05_3 = "G05" + field("21000000.123", " 7") + field("-1000.123", "26") + field("900.250") + field("45.500") + field("21000009.000") + "\n"
 E11_3 = "E11" + " " * 16 * 12 + field("25000000.500") + field("38.250").rstrip() + "\n"
+SIGNALS_3 = ("E11.1X", "G05.1C", "G05.5Q")
 EPOCH_3 = "> 2010 03 18 00 00  0.0000000  0  2\n" + G05_3 + E11_3
 
 
@@ -96,14 +97,14 @@ def test_unreadable_header_field_is_counted(tmp_path: Path) -> None:
     assert read(tmp_path, HEADER_2.replace("    15", "    xv") + EPOCH_2 + G05_2 + R12_2).problems == {"LEAP SECONDS not readable": 1}
 
 
-def test_rinex2_signals_of_gps_only_with_their_quantities(tmp_path: Path) -> None:
+def test_rinex2_types_are_signals_of_each_system_with_their_quantities(tmp_path: Path) -> None:
     (row,) = read(tmp_path, HEADER_2 + EPOCH_2 + G05_2 + R12_2).rows
-    assert (row.receiver, row.receive_time_ns, row.signals) == ("A", THURSDAY_NS, ("G05.1C",))
-    np.testing.assert_array_equal(row.pseudorange_m, [21_000_000.123])
-    np.testing.assert_array_equal(row.carrier_cycles, [-1000.123])
-    np.testing.assert_array_equal(row.doppler_hz, [900.25])
-    np.testing.assert_array_equal(row.cn0_dbhz, [45.5])
-    np.testing.assert_array_equal(row.lock_s, [np.nan])
+    assert (row.receiver, row.receive_time_ns, row.signals) == ("A", THURSDAY_NS, ("G05.1C", "G05.1W", "G05.2W", "R12.1C"))
+    np.testing.assert_array_equal(row.pseudorange_m, [21_000_000.123, 21_000_000.456, 21_000_003.789, 20_000_000.0])
+    np.testing.assert_array_equal(row.carrier_cycles, [-1000.123, np.nan, np.nan, 2000.0])
+    np.testing.assert_array_equal(row.doppler_hz, [900.25, np.nan, np.nan, np.nan])
+    np.testing.assert_array_equal(row.cn0_dbhz, [45.5, np.nan, np.nan, np.nan])
+    np.testing.assert_array_equal(row.lock_s, [np.nan] * 4)
 
 
 @pytest.mark.parametrize(
@@ -138,20 +139,21 @@ def test_rinex2_two_digit_years(tmp_path: Path, year: str, week: int) -> None:
     assert row.receive_time_ns == gps_from_week(week, 0.0)
 
 
-def test_rinex3_signals_of_gps_and_galileo(tmp_path: Path) -> None:
+def test_rinex3_signals_in_order_of_satellites_and_preference(tmp_path: Path) -> None:
     file = read(tmp_path, HEADER_3 + EPOCH_3)
     (row,) = file.rows
     assert file.problems == {}
-    assert (row.receive_time_ns, row.signals) == (THURSDAY_NS, ("G05.1C", "E11.1X"))
-    np.testing.assert_array_equal(row.pseudorange_m, [21_000_000.123, 25_000_000.5])
-    np.testing.assert_array_equal(row.carrier_cycles, [-1000.123, np.nan])
-    np.testing.assert_array_equal(row.doppler_hz, [900.25, np.nan])
-    np.testing.assert_array_equal(row.cn0_dbhz, [45.5, 38.25])
-    np.testing.assert_array_equal(row.half_cycle, [True, False])
+    assert (row.receive_time_ns, row.signals) == (THURSDAY_NS, SIGNALS_3)
+    np.testing.assert_array_equal(row.pseudorange_m, [25_000_000.5, 21_000_000.123, 21_000_009.0])
+    np.testing.assert_array_equal(row.carrier_cycles, [np.nan, -1000.123, np.nan])
+    np.testing.assert_array_equal(row.doppler_hz, [np.nan, 900.25, np.nan])
+    np.testing.assert_array_equal(row.cn0_dbhz, [38.25, 45.5, np.nan])
+    np.testing.assert_array_equal(row.half_cycle, [False, True, False])
 
 
-def test_rinex4_observations_read_like_rinex3(tmp_path: Path) -> None:
-    assert read(tmp_path, (HEADER_3 + EPOCH_3).replace("3.05", "4.00")).rows[0].signals == ("G05.1C", "E11.1X")
+@pytest.mark.parametrize("version", ["4.00", "4.01", "4.02"])
+def test_rinex4_observations_read_like_rinex3(tmp_path: Path, version: str) -> None:
+    assert read(tmp_path, (HEADER_3 + EPOCH_3).replace("3.05", version)).rows[0].signals == SIGNALS_3
 
 
 @pytest.mark.parametrize(("written", "ns"), [("  0.0000001", 100), (" 59.9999999", 59_999_999_900), (" 12.3456789", 12_345_678_900)])
@@ -163,26 +165,26 @@ def test_seconds_are_exact_to_100_ns(tmp_path: Path, written: str, ns: int) -> N
 def test_blank_and_zero_pseudoranges_are_not_measured(tmp_path: Path) -> None:
     blank, zero = G05_3.replace("  21000000.123 7", " " * 16), G05_3.replace("21000000.123", "       0.000").replace("G05", "G06")
     file = read(tmp_path, HEADER_3 + EPOCH_3.replace(G05_3 + E11_3, blank + zero))
-    assert file.rows[0].signals == ()
+    assert file.rows[0].signals == ("G05.5Q", "G06.5Q")
     assert file.problems == {}
 
 
 @pytest.mark.parametrize("damage", ["         nan", "         inf", "************", "21_00000.123", "2100000.1234", "21000000 123"])
 def test_a_field_that_is_no_number_is_missing_and_counted(tmp_path: Path, damage: str) -> None:
     file = read(tmp_path, HEADER_3 + EPOCH_3.replace("21000000.123", damage))
-    assert file.rows[0].signals == ("E11.1X",)
+    assert file.rows[0].signals == ("E11.1X", "G05.5Q")
     assert file.problems == {"field not a number": 1}
 
 
 def test_a_field_with_a_digit_lost_is_not_taken_for_a_smaller_number(tmp_path: Path) -> None:
     file = read(tmp_path, HEADER_3 + EPOCH_3.replace("38.250\n", "8.250\n"))
-    assert np.isnan(file.rows[0].cn0_dbhz[1])
+    assert np.isnan(file.rows[0].cn0_dbhz[0])
     assert file.problems == {"field not a number": 1}
 
 
 def test_a_pseudorange_cut_by_the_end_of_the_file_is_not_taken_for_a_shorter_number(tmp_path: Path) -> None:
     file = read(tmp_path, (HEADER_3 + EPOCH_3).removesuffix("0          38.250\n"))
-    assert file.rows[0].signals == ("G05.1C",)
+    assert file.rows[0].signals == ("G05.1C", "G05.5Q")
     assert file.problems == {"field not a number": 1}
 
 
@@ -198,7 +200,7 @@ def test_pseudoranges_outside_any_orbit_are_dropped_and_counted(tmp_path: Path, 
 @pytest.mark.parametrize(("cn0", "kept"), [("70.000", True), ("70.001", False), ("-0.001", False)])
 def test_absurd_signal_strength_is_missing_and_counted(tmp_path: Path, cn0: str, kept: bool) -> None:
     file = read(tmp_path, HEADER_3 + EPOCH_3.replace("45.500", cn0))
-    assert np.isfinite(file.rows[0].cn0_dbhz[0]) == kept
+    assert np.isfinite(file.rows[0].cn0_dbhz[1]) == kept
     assert file.problems == ({} if kept else {"absurd C/N0": 1})
 
 
@@ -227,7 +229,7 @@ def test_rinex3_event_may_change_the_observation_types_of_one_system(tmp_path: P
     again = "> 2010 03 18 00 00 30.0000000  0  2\nG05" + field("") + field("22000000.000") + "\n" + E11_3
     file = read(tmp_path, HEADER_3 + EPOCH_3 + event + again)
     assert file.problems == {}
-    assert file.rows[1].signals == ("G05.1C", "E11.1X")
+    assert [row.signals for row in file.rows] == [SIGNALS_3, ("E11.1X", "G05.1C")]
 
 
 def test_epoch_cut_by_the_end_of_the_file_is_dropped_and_counted(tmp_path: Path) -> None:
@@ -298,8 +300,8 @@ def test_rinex3_record_without_a_readable_name_is_dropped_alone(tmp_path: Path) 
 def test_satellite_listed_twice_counts_once_with_the_first(tmp_path: Path) -> None:
     second = G05_3.replace("21000000", "22000000")
     file = read(tmp_path, HEADER_3 + EPOCH_3.replace("0  2\n", "0  3\n") + second)
-    assert file.rows[0].signals == ("G05.1C", "E11.1X")
-    assert file.rows[0].pseudorange_m[0] == 21_000_000.123
+    assert file.rows[0].signals == SIGNALS_3
+    assert file.rows[0].pseudorange_m[1] == 21_000_000.123
     assert file.problems == {"satellite listed twice": 1}
 
 
@@ -319,15 +321,14 @@ def test_repeated_and_backward_epochs_stay_as_they_stand(tmp_path: Path) -> None
         ((HEADER_3 + EPOCH_3).replace("OBSERVATION DATA", "NAVIGATION DATA "), 1, "observation data"),
         ((HEADER_3 + EPOCH_3).replace("3.05", "5.00"), 1, "'5.00'"),
         ((HEADER_2 + EPOCH_2).replace("2.11", "2.20"), 1, "'2.20'"),
-        (header("1.0                 COMPACT RINEX FORMAT", "CRINEX VERS   / TYPE") + HEADER_2, 1, "CRX2RNX"),
-        (HEADER_3.replace("0     GPS", "0     GLO"), 7, "GLO"),
-        (HEADER_2.replace("GPS", "   ").replace("M (MIXED)", "R (GLO)  "), 6, "GLO"),
+        (header("2.0                 COMPACT RINEX FORMAT", "CRINEX VERS   / TYPE") + HEADER_2, 1, "CRX2RNX"),
+        (HEADER_3.replace("0     GPS", "0     TAI"), 7, "TAI"),
         (HEADER_2.replace("# / TYPES OF OBSERV", "COMMENT"), 8, "no observation types"),
         (HEADER_2.replace("     6    L1", "     7    L1"), 4, "6 observation types"),
         (
-            HEADER_3.replace(header("R    1 C1C", "SYS / # / OBS TYPES"), header("G  100  1 C1C", "SYS / SCALE FACTOR")),
+            HEADER_3.replace(header("R    1 C1C", "SYS / # / OBS TYPES"), header("G   20  1 C1C", "SYS / SCALE FACTOR")),
             6,
-            "scale factor 100",
+            "scale factor '20'",
         ),
         (HEADER_3.replace("END OF HEADER", "COMMENT"), 8, "END OF HEADER"),
     ],
@@ -338,14 +339,14 @@ def test_files_that_cannot_be_read_are_refused_with_place_and_remedy(tmp_path: P
     assert words in message
 
 
-@pytest.mark.parametrize("scale", ["GAL", "   "])
+@pytest.mark.parametrize("scale", ["GAL", "QZS", "   "])
 def test_time_systems_equal_to_gps_time(tmp_path: Path, scale: str) -> None:
     assert read(tmp_path, (HEADER_3 + EPOCH_3).replace("0     GPS", f"0     {scale}")).rows[0].receive_time_ns == THURSDAY_NS
 
 
 def test_windows_line_ends_and_a_missing_last_one(tmp_path: Path) -> None:
     text = (HEADER_3 + EPOCH_3).replace("\n", "\r\n").removesuffix("\r\n")
-    assert read(tmp_path, text).rows[0].signals == ("G05.1C", "E11.1X")
+    assert read(tmp_path, text).rows[0].signals == SIGNALS_3
 
 
 def test_missing_file_is_an_os_error(tmp_path: Path) -> None:

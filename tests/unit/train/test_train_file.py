@@ -10,8 +10,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from integrity.errors import ConfigError
+from integrity.messages import wayside_pb2 as pb
 from recordings.toml_file import ConfigProblems, dotted, format_value
 from train_client.config import AntennaConfig, TrainConfig
+from train_client.recording import manner_of
 from train_client.train_file import load_train, parse_train
 from train_client.trust import TrustLimits
 
@@ -162,7 +164,18 @@ def test_a_password_is_not_repeated() -> None:
     assert "secret" not in "".join(problems(changed("tcp://10.0.0.11:2000", "ntrip://me:secret@host")))
 
 
+@pytest.mark.parametrize("scheme", ["ntrip", "ntrips"])
+def test_no_password_is_in_a_recording(scheme: str) -> None:
+    text = changed("tcp://10.0.0.11:2000", f"{scheme}://me:secret@host:2101/M")
+    head = manner_of(parse_train(text, "train.toml").config, text, "{}", {}).head(0, 0)
+    assert isinstance(head, pb.TrainStarted) and "secret" not in head.train_toml
+    recorded, read = parse_train(head.train_toml, "recorded"), parse_train(text, "train.toml")
+    assert (recorded.config, recorded.sources["front"]) == (read.config, f"{scheme}://me:***@host:2101/M")
+
+
 DECISIVE = {
+    "protocol": ("height_m = 3.9", 'height_m = 3.9\nprotocol = "rtcm3"'),
+    "source that sends another protocol": ("tcp://10.0.0.11:2000", "ntrip://host:2101/M"),
     "id": ('"r291"', '"r292"'),
     "length_m": ("40.0", "41.0"),
     "facing": ("40.0", '40.0\nfacing = "increasing"'),

@@ -1,0 +1,69 @@
+"""A recording solved from end to end: where the simulator put the antenna, whatever the order of epochs and wherever it starts from."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from integrity.gnss.least_squares import Unsolved
+from integrity.gnss.observations import ObservationBlock
+from recordings.rinex.observation import read_blocks
+from recordings.solve import Sky, Track, Weights, solved
+from tests.rinex_text import observation_text
+from tests.unit.imported import EPHEMERIDES, KLOBUCHAR, ROWS
+from tests.unit.streams import SITE
+
+WEIGHTS = Weights(a_m=0.9, b_m=0.4, mask_rad=float(np.deg2rad(5.0)))
+POSITION_ECEF_M = np.array(next(r.position_ecef_m for r in SITE.receivers if r.name == "A"))
+
+
+def block(tmp_path: Path) -> ObservationBlock:
+    path = tmp_path / "A.rnx"
+    path.write_text(observation_text(ROWS["A"]), "ascii")
+    (found,) = read_blocks(path, "A").blocks
+    return found
+
+
+def track(of: ObservationBlock, start: np.ndarray[tuple[int], np.dtype[np.float64]] | None = POSITION_ECEF_M) -> Track:
+    (found,) = solved([of], Sky(EPHEMERIDES, KLOBUCHAR), WEIGHTS, None if start is None else start.tolist())
+    return found
+
+
+def test_positions_are_where_the_antenna_is(tmp_path: Path) -> None:
+    found = track(block(tmp_path))
+    assert (found.why == Unsolved.SOLVED).all()
+    # Errors of the simulated ranges: about 0.6 m, twice that in the position.
+    assert np.linalg.norm(found.pos_ecef_m - POSITION_ECEF_M, axis=1).max() < 5.0
+
+
+@pytest.mark.parametrize("start", [None, POSITION_ECEF_M + 3_000.0, POSITION_ECEF_M * 0.995])
+def test_the_start_makes_no_difference_but_for_the_mask(tmp_path: Path, start: np.ndarray[tuple[int], np.dtype[np.float64]] | None) -> None:
+    of = block(tmp_path)
+    np.testing.assert_allclose(track(of, start).pos_ecef_m, track(of).pos_ecef_m, atol=0.05)
+
+
+def test_epochs_need_not_be_in_the_order_of_time(tmp_path: Path) -> None:
+    of = block(tmp_path)
+    order = np.random.default_rng(1).permutation(len(of.epoch_ns))
+    names = [name for name in of.__dataclass_fields__ if name not in ("receivers", "signals", "satellites")]
+    mixed = replace(of, **{name: getattr(of, name)[order] for name in names})
+    np.testing.assert_array_equal(track(mixed).pos_ecef_m, track(of).pos_ecef_m[order])
+    np.testing.assert_array_equal(track(mixed).time_ns, of.epoch_ns[order])
+
+
+def test_a_block_of_nothing_has_no_positions(tmp_path: Path) -> None:
+    of = block(tmp_path)
+    blind = replace(of, pseudorange_m=np.full(of.pseudorange_m.shape, np.nan))
+    assert (track(blind, start=None).why == Unsolved.TOO_FEW_SATELLITES).all()
+
+
+def test_no_ephemerides_no_positions(tmp_path: Path) -> None:
+    (found,) = solved([block(tmp_path)], Sky((), None), WEIGHTS, None)
+    assert np.isnan(found.pos_ecef_m).all()
+
+
+def test_a_later_ephemeris_serves_where_none_had_come(tmp_path: Path) -> None:
+    late = [replace(eph, transmission_ns=eph.transmission_ns + 86_400 * 10**9) for eph in EPHEMERIDES]
+    (found,) = solved([block(tmp_path)], Sky(late, KLOBUCHAR), WEIGHTS, POSITION_ECEF_M.tolist())
+    assert (found.why == Unsolved.SOLVED).all()
