@@ -10,6 +10,7 @@ from integrity.errors import ConfigError
 from integrity.events import Event, Heard, ObservationsReceived, RawBytes
 from integrity.gnss.ubx.framing import Framer, frame_bytes
 from integrity.gnss.ubx.rawx import RXM_RAWX, decode_rawx
+from integrity.gnss.ubx.rxm_raw import RXM_RAW
 from integrity.gnss.ubx.sfrbx import RXM_SFRBX
 from integrity.reception import Reception
 from integrity.station_monitor import Snapshot
@@ -65,7 +66,7 @@ class Measured(NamedTuple):
 def receive(events: Sequence[Event], site: SiteConfig, snapshot: Snapshot | None) -> Received:
     """Decode as a station does that begins with `snapshot`; what receivers say of themselves is left out.
 
-    ConfigError for bytes of a receiver that does not send UBX.
+    ConfigError for bytes of a receiver that does not send UBX, or measurements in a message that cannot be written.
     """
     reception = Reception(site.receiver_names, (replace(memory, pending=b"") for memory in (snapshot.reception if snapshot else ())))
     found: list[tuple[Heard, int]] = []
@@ -83,6 +84,11 @@ def receive(events: Sequence[Event], site: SiteConfig, snapshot: Snapshot | None
         if frame.kind == RXM_SFRBX:
             clock = clocks.get(frame.receiver)
             words.append(WordsAt(frame, None if clock is None else clock + event.mono_ns))
+        elif frame.kind == RXM_RAW:
+            raise ConfigError(
+                f"receiver {frame.receiver} sends RXM-RAW (u-blox before generation 8), which faults cannot be put into: "
+                "convert its log to RINEX, and import that"
+            )
         elif frame.kind != RXM_RAWX:
             continue
         for heard in reception.take(RawBytes(event.mono_ns, frame.receiver, frame_bytes(*frame.kind, frame.payload))):

@@ -11,6 +11,7 @@ from struct import unpack_from
 import numpy as np
 import pytest
 
+from integrity.events import EphemerisReceived, ObservationsReceived, RawBytes
 from integrity.gnss.crc import crc24q
 from integrity.gnss.ephemeris.broadcast import KeplerEphemeris
 from integrity.gnss.gps_time import gps_from_calendar
@@ -20,6 +21,7 @@ from integrity.gnss.ubx.framing import Frame, Framer
 from integrity.gnss.ubx.rxm_raw import RXM_RAW, decode_raw
 from integrity.gnss.ubx.rxm_sfrb import RXM_SFRB, decode_sfrb
 from integrity.gnss.ubx.sfrbx import RXM_SFRBX, NavigationWords, decode_sfrbx
+from integrity.reception import Reception
 from recordings.rinex.navigation import read_navigation
 from recordings.ubx_files import read_ubx
 
@@ -130,3 +132,13 @@ def test_the_log_is_imported_with_every_epoch_and_byte(directory: Path) -> None:
     assert (len(times), log.words, times == sorted(times), log.warnings) == (242, 842, True, ())
     assert log.passed_over == {"bad frames": 0, "bytes that are not UBX": 152_266, "bytes of a frame that does not end": 18}
     assert all(unpack_from("<H", piece.measured, 2)[0] == 0x1002 for piece in log.pieces)
+
+
+def test_a_station_hears_such_a_receiver(directory: Path) -> None:
+    data = (directory / "ubx_20080526.ubx").read_bytes()
+    reception = Reception(("A",))
+    heard = [h for at in range(0, len(data), 997) for h in reception.take(RawBytes(at, "A", data[at : at + 997]))]
+    told = {h.ephemeris.satellite for h in heard if isinstance(h, EphemerisReceived)}
+    of_rtklib = {eph.satellite for eph in read_navigation(directory / "ubx_20080526.nav.gz").ephemerides}
+    assert sum(isinstance(h, ObservationsReceived) for h in heard) == 242
+    assert told == {satellite for satellite in of_rtklib if satellite[0] == "G"}
