@@ -3,6 +3,8 @@
 from dataclasses import dataclass
 from typing import Literal
 
+from integrity.gnss.signals import MONITORED_SYSTEMS
+
 Rule = Literal["full", "triangle"]
 SatelliteFaultPolicy = Literal["stop", "exclude"]
 Protocol = Literal["ubx", "rtcm3"]  # of a receiver's bytes
@@ -42,6 +44,7 @@ class IntegrityConfig:
     sigma_range_differential_low_m: float = 0.2
     correlation_common_s: float = 3000.0
     correlation_differential_s: float = 30.0
+    systems: tuple[str, ...] = MONITORED_SYSTEMS  # by name, see `gnss.signals.SYSTEM_NAMES`
     elevation_mask_deg: float = 5.0
     recover_after_s: float = 30.0
 

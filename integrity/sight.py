@@ -13,7 +13,7 @@ from integrity.gnss.ephemeris.states import Ephemerides, SatelliteStates, accura
 from integrity.gnss.ephemeris.store import EphemerisStore
 from integrity.gnss.observations import Bools, Floats, Ints, Layout, ObservationBlock, build_block, layout_of
 from integrity.gnss.positioning import Expected, Points, Prefit, compared, expected, range_sigma_m, state_time_ns
-from integrity.gnss.signals import TIME_SCALES, satellite_of, time_scale_index
+from integrity.gnss.signals import TIME_SCALES, first_codes_of, satellite_of, time_scale_index
 from integrity.limits import Limits
 from integrity.monitors.residuals import without_lone_satellites
 
@@ -104,7 +104,8 @@ def observe(
 
     The layout of the block `before`, and a sky that was computed `ahead`, are used if they are those of these epochs.
     """
-    layout = layout_of((row for x in epochs for row in x.rows), remembered_signals, before)
+    codes = first_codes_of(site.integrity.systems)
+    layout = layout_of((row for x in epochs for row in x.rows), remembered_signals, before, codes)
     block = build_block(site.receiver_names, [x.epoch_ns for x in epochs], [x.rows for x in epochs], layout)
     where = (block.signals, block.epoch_ns, tuple(x.arrived for x in epochs), epochs[0].klobuchar, store)
     sky = ahead if ahead is not None and ahead.is_of(*where) else sky_of(*where, points, site, limits)

@@ -31,6 +31,11 @@ Sigma = Annotated[float, Field(ge=1e-6, le=1000, description=SIGMA_TEXT)]
 SigmaUp = Annotated[float | None, Field(ge=1e-6, le=1000, description=SIGMA_TEXT)]
 PerYear = Annotated[float, Field(gt=0, le=1000, description="a number per year, above 0 and at most 1000")]
 Correlation = Annotated[float, Field(gt=0, le=1e6, description="a correlation time in seconds, above 0 and at most 1000000")]
+MonitoredSystem = Literal["GPS", "Galileo", "BeiDou", "QZSS", "GLONASS"]
+Systems = Annotated[
+    tuple[MonitoredSystem, ...],
+    Field(strict=False, min_length=1, description='a list of "GPS", "Galileo", "BeiDou", "QZSS", "GLONASS", at least one'),
+]
 Endpoints = Annotated[
     tuple[Annotated[str, Field(pattern=f"^({ENDPOINT_PATTERN})$")], ...],
     Field(strict=False, description='a list of Zenoh endpoints, PROTOCOL/HOST:PORT, such as ["tcp/0.0.0.0:7447"]'),
@@ -95,6 +100,7 @@ class IntegritySection(Section):
     sigma_range_differential_low_m: Sigma = IntegrityConfig.sigma_range_differential_low_m
     correlation_common_s: Correlation = IntegrityConfig.correlation_common_s
     correlation_differential_s: Correlation = IntegrityConfig.correlation_differential_s
+    systems: Systems = ("GPS", "Galileo", "BeiDou", "QZSS")
     elevation_mask_deg: Annotated[float, Field(ge=0, le=45, description="degrees, from 0 to 45")] = IntegrityConfig.elevation_mask_deg
     recover_after_s: Annotated[float, Field(ge=0, le=1e6, description="seconds, from 0 to 1000000")] = IntegrityConfig.recover_after_s
 

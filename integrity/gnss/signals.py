@@ -29,9 +29,10 @@ FIRST_CODES: Codes = {
     "J": ("1C",),
     "S": ("1C",),
 }
-# What decisions are made of. GLONASS is not among them: receivers delay each of its channels differently, by metres that no message tells;
-# nor are the ranges of SBAS satellites, which are worse than those of the others.
-MONITORED_CODES: Codes = {system: FIRST_CODES[system] for system in "GECJ"}
+# What decisions are made of unless a site says otherwise. GLONASS is not among them: receivers delay each of its channels differently, by
+# metres that no message tells; nor are the ranges of SBAS satellites, which are worse than those of the others.
+MONITORED_SYSTEMS = ("GPS", "Galileo", "BeiDou", "QZSS")
+MONITORED_CODES: Codes = {system: FIRST_CODES[system] for system, name in SYSTEM_NAMES.items() if name in MONITORED_SYSTEMS}
 # What they are combined with: L2 (open L2C before P(Y)), E5a or E5b, B3I or B2I, G2: signals whose group delay is broadcast.
 SECOND_CODES: Codes = {
     "G": ("2L", "2X", "2S", "2W", "2C", "2P"),
@@ -59,6 +60,12 @@ GLONASS_CHANNELS = range(-7, 7)
 # Bands in the order of the group delays of an ephemeris (`ephemeris.broadcast.group_delays_s`).
 DELAY_BANDS = {"G": "12", "J": "12", "E": "175", "C": "276", "R": "12", "S": "1"}
 UNKNOWN_BAND = -1
+
+
+@lru_cache(maxsize=64)
+def first_codes_of(systems: tuple[str, ...]) -> Codes:
+    """`FIRST_CODES` of systems given by name."""
+    return {system: FIRST_CODES[system] for system, name in SYSTEM_NAMES.items() if name in systems}
 
 
 def satellite_of(signal: str) -> str:
