@@ -13,6 +13,7 @@ from integrity.errors import ConfigError, DecodeError, LinkError, RecordingError
 from recordings.cli import commands as recordings_commands
 from recordings.cli import recording_commands
 from recordings.keys_cli import commands as keys_commands
+from recordings.sbas_cli import sbas
 from station.cli import commands as station_commands
 from train_client.cli import commands as train_client_commands
 from train_client.cli import train_commands
@@ -32,6 +33,7 @@ app.add_typer(train_client_commands)
 app.add_typer(train_commands, name="train")
 app.add_typer(map_commands, name="map")
 app.add_typer(keys_commands, name="keys")
+app.command()(sbas)
 
 
 def main() -> None:

@@ -119,7 +119,7 @@ def test_words_before_the_time_is_known_are_counted(tmp_path: Path) -> None:
     assert (list(file.messages), file.problems) == (MESSAGES[1:2], {"message before the time was known": 1})
 
 
-@pytest.mark.parametrize("content", [b"", b"a text", rawx(1.0), b"\x1f\x8b\x08 damaged"])
+@pytest.mark.parametrize("content", [b"", b"a text", rawx(1.0), b"\x1f\x8b\x08 damaged", ems(MESSAGES[0])[:-9].encode() + b"0" * 9])
 def test_a_file_without_messages_is_an_error(tmp_path: Path, content: bytes) -> None:
     with pytest.raises(DecodeError, match="expected"):
         read_sbas(written(tmp_path / "a", content))

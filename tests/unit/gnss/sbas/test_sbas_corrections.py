@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from integrity.gnss.sbas.airborne import NoiseModel
-from integrity.gnss.sbas.corrections import Reason
+from integrity.gnss.sbas.corrections import Reason, rows_of
 from integrity.gnss.sbas.degradation import Terms, epsilon_ltc_m
 from integrity.gnss.sbas.messages import SbasMessage
 from integrity.gnss.sbas.store import NPA, PA
@@ -189,6 +189,12 @@ def test_type_28_multiplies_by_direction_and_has_to_be_here_for_each_satellite()
 def test_a_rail_model_replaces_that_of_aviation() -> None:
     rail = NoiseModel(noise_m=1.0, multipath_floor_m=2.0, multipath_rise_m=0.0, divergence_m=2.0)
     assert np.unique(corrected(service(), noise=rail).air_variance_m2) == pytest.approx([9.0])
+
+
+@pytest.mark.parametrize("satellite", ["R05", "S37", "E11", "G38"])
+def test_other_satellites_than_gps_are_refused(satellite: str) -> None:
+    with pytest.raises(ValueError, match="GPS only"):
+        rows_of(["G01", satellite])
 
 
 def test_epochs_are_judged_alone_or_together_alike() -> None:

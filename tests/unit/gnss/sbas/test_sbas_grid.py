@@ -104,6 +104,15 @@ def test_without_a_point_in_the_mask_another_cell_serves(left_out: set[tuple[int
     assert found.delay_m[0] == pytest.approx(0.125 * plane(lat, lon), abs=1e-9)
 
 
+@pytest.mark.parametrize(
+    ("missing", "lat", "lon"), [((40, 140), 36.0, 137.5), ((40, 135), 36.0, 138.0), ((35, 135), 39.0, 139.0), ((35, 140), 39.0, 136.5)]
+)
+def test_three_points_make_a_plane(missing: tuple[int, int], lat: float, lon: float) -> None:
+    """Whichever corner is not monitored: the square would use it, so the triangle of the others has to serve."""
+    found = found_at(filled((7, 8), givei={missing: 15}), lat, lon)
+    assert found.delay_m[0] == pytest.approx(0.125 * plane(lat, lon), abs=1e-9)
+
+
 def test_without_any_cell_there_is_no_delay() -> None:
     assert found_at(filled((5,)), 36.0, 138.0).why[0] == NoDelay.NOT_IN_MASK
 

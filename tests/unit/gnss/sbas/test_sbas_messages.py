@@ -96,6 +96,13 @@ def test_a_time_of_day_is_that_of_the_nearest_day(seconds: int) -> None:
     assert read.toe_ns - midnight_ns == (-16 if seconds < 0 else 16) * NS_PER_S
 
 
+@pytest.mark.parametrize(
+    "bits", [sent.geo(t0_16s=5400), sent.moving(7, 20, 5400), sent.message(m.ALMANAC_LAYOUT, 17, {"satellites": 0, "t0_64s": 1350})]
+)
+def test_a_time_beyond_the_day_is_refused(bits: int) -> None:
+    assert "beyond the day" in str(contents(at(0, bits)))
+
+
 def test_type_12_tells_the_time() -> None:
     fields = {"a0_s": -(2.0**-30), "leap_s": 18.0, "future_leap_s": -1.0, "tow_s": 579_600, "week": 305, "glonass": 1, "t0t_4096s": 3}
     read = contents(at(0, sent.message(m.TIME_LAYOUT, 12, fields)))
@@ -103,8 +110,9 @@ def test_type_12_tells_the_time() -> None:
     assert (read.tow_s, read.week, read.leap_s, read.future_leap_s, read.a0_s) == (579_600, 305, 18.0, -1.0, -(2.0**-30))
 
 
-def test_type_12_beyond_the_end_of_the_week_is_refused() -> None:
-    assert isinstance(contents(at(0, sent.message(m.TIME_LAYOUT, 12, {"tow_s": 604_800}))), str)
+@pytest.mark.parametrize("wrong", [{"tow_s": 604_800}, {"t0t_4096s": 148}, {"day": 8}])
+def test_type_12_beyond_the_end_of_the_week_is_refused(wrong: dict[str, float]) -> None:
+    assert isinstance(contents(at(0, sent.message(m.TIME_LAYOUT, 12, wrong))), str)
 
 
 def test_type_17_leaves_out_empty_places() -> None:

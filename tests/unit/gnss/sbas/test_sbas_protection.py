@@ -47,9 +47,10 @@ def test_vertical_is_sigma_up(sky: Corrections) -> None:
     assert protection(sky, PA).vpl_m[0] == pytest.approx(5.33 * np.sqrt(covariance(sky)[2, 2]), rel=1e-9)
 
 
+@pytest.mark.parametrize("climb", [0.0, 0.04, -0.5])
 @pytest.mark.parametrize("heading_deg", [0.0, 37.0, 90.0, 200.0])
-def test_along_the_track_is_sigma_in_that_direction(sky: Corrections, heading_deg: float) -> None:
-    u = np.array([np.sin(np.deg2rad(heading_deg)), np.cos(np.deg2rad(heading_deg)), 0.0])
+def test_along_the_track_is_sigma_in_that_direction(sky: Corrections, heading_deg: float, climb: float) -> None:
+    u = np.array([np.sin(np.deg2rad(heading_deg)), np.cos(np.deg2rad(heading_deg)), climb]) / np.hypot(1.0, climb)
     expected = 6.0 * np.sqrt(u @ covariance(sky)[:3, :3] @ u)
     assert along_track_m(protection(sky, PA), u, PA)[0] == pytest.approx(expected, rel=1e-9)
 
