@@ -72,7 +72,7 @@ REASON_TEXT = {
     Reason.BELOW_MASK: "below the elevation mask",
     Reason.UNHEALTHY: "unhealthy",
     Reason.TEST_MODE: "SBAS in test mode",
-    Reason.MESSAGES_MISSED: "four SBAS messages missed",
+    Reason.MESSAGES_MISSED: "no SBAS message for four seconds",
     Reason.NO_MASK: "no PRN mask",
     Reason.NOT_IN_MASK: "not in the PRN mask",
     Reason.NO_DEGRADATION: "no degradation parameters",
