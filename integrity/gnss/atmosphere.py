@@ -28,12 +28,18 @@ def klobuchar_delay_m(tow_s: Floats, lat_rad: Floats, lon_rad: Floats, az_rad: F
     GPS time of week, geodetic latitude and longitude of the receiver; elevation in (0, pi/2]; arguments broadcast.
     Removes about half of the delay (rms). Source: IS-GPS-200, 20.3.3.5.2.5, angles in semicircles there.
     """
+    return klobuchar_towards_m(tow_s, lat_rad, lon_rad, *sine_cosine(az_rad), el_rad, k)
+
+
+def klobuchar_towards_m(
+    tow_s: Floats, lat_rad: Floats, lon_rad: Floats, sin_az: Floats, cos_az: Floats, el_rad: Floats, k: Klobuchar
+) -> Floats:
+    """The same from sine and cosine of the azimuth."""
     E_sc = el_rad / np.pi
     psi_sc = 0.0137 / (E_sc + 0.11) - 0.022
-    sin_az, cos_az = sine_cosine(az_rad)
-    phi_i_sc = np.clip(lat_rad / np.pi + psi_sc * cos_az, -0.416, 0.416)
-    lambda_i_sc = lon_rad / np.pi + psi_sc * sin_az / sine_cosine(phi_i_sc * np.pi)[1]
-    phi_m_sc = phi_i_sc + 0.064 * sine_cosine((lambda_i_sc - 1.617) * np.pi)[1]
+    phi_i_sc = np.minimum(np.maximum(lat_rad / np.pi + psi_sc * cos_az, -0.416), 0.416)
+    lambda_i_sc = lon_rad / np.pi + psi_sc * sin_az / _cosine(phi_i_sc * np.pi)
+    phi_m_sc = phi_i_sc + 0.064 * _cosine((lambda_i_sc - 1.617) * np.pi)
     t_s = 43_200.0 * lambda_i_sc + tow_s
     t_s = t_s - DAY_S * np.floor(t_s / DAY_S)
 
@@ -45,11 +51,19 @@ def klobuchar_delay_m(tow_s: Floats, lat_rad: Floats, lon_rad: Floats, az_rad: F
     period_s = np.maximum(cubic(k.beta), 72_000.0)
     x = 2.0 * np.pi * (t_s - 50_400.0) / period_s
     x2 = x * x
-    cosine = np.where(np.abs(x) < 1.57, 1.0 - x2 / 2.0 + x2 * x2 / 24.0, 0.0)
+    cosine = np.where(np.abs(x) < 1.57, 1.0 - x2 * (0.5 - x2 / 24.0), 0.0)
     low_sc = 0.53 - E_sc
     F = 1.0 + 16.0 * low_sc * low_sc * low_sc
     delay_m: Floats = SPEED_OF_LIGHT_MPS * F * (5e-9 + amplitude_s * cosine)
     return delay_m
+
+
+def _cosine(angle_rad: Floats) -> Floats:
+    """From the tangent of half the angle, as `sine_cosine`."""
+    t = np.tan(0.5 * angle_rad)
+    square = t * t
+    cosine: Floats = (1.0 - square) / (1.0 + square)
+    return cosine
 
 
 def klobuchar_slope(el_rad: Floats) -> Floats:
@@ -86,12 +100,10 @@ def troposphere_mapping(el_rad: Floats) -> Floats:
 
     Source: Black and Eisner 1984, in the form of RTCA DO-229, A.4.2.4.
     """
-    mapping: Floats = 1.001 / np.sqrt(0.002001 + sine_cosine(el_rad)[0] ** 2)
-    return mapping
+    return troposphere_towards(*sine_cosine(el_rad))[0]
 
 
-def troposphere_slope(el_rad: Floats) -> Floats:
-    """Relative change of the mapping with elevation, 1/rad."""
-    sin_el, cos_el = sine_cosine(el_rad)
-    slope: Floats = -sin_el * cos_el / (0.002001 + sin_el * sin_el)
-    return slope
+def troposphere_towards(sin_el: Floats, cos_el: Floats) -> tuple[Floats, Floats]:
+    """The same mapping from sine and cosine of the elevation, and its relative change with elevation, 1/rad."""
+    square = 0.002001 + sin_el * sin_el
+    return 1.001 / np.sqrt(square), -sin_el * cos_el / square

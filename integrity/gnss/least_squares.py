@@ -36,10 +36,14 @@ class Design(NamedTuple):
     sigma_m: Floats  # as given
     system_of: Ints  # (S,)
     member: Floats  # (S, K): one where the satellite is of the constellation
+    clocks: Ints  # (L,): the constellations that the block has, numbers among the K; no other costs anything
+    groups: Floats  # (L, S): their rows of `member`
+    place: Ints  # (S,): of the satellite's constellation among the L
     w: Floats  # (E, R, S)
     wu: Floats  # (3, E, R, S)
-    safe: Floats  # (E, R, K): weight of the constellation, one where it has none
-    u_mean: Floats  # (3, E, R, K), NaN where it has none
+    n_of: Floats  # (E, R, L): satellites used of the constellation
+    safe: Floats  # (E, R, L): their weight, one where there are none
+    u_mean: Floats  # (3, E, R, L), NaN where there are none
     C: Floats  # (3, 3, E, R), NaN where unsolved
     cov_enu_m2: Floats  # this and the rest go into the `Solution` as they are
     n_used: Ints
@@ -86,17 +90,19 @@ def design(los_enu: Floats, sigma_m: Floats, used: Bools, system_of: Ints, n_sys
     u = np.where(used, los_enu, 0.0)
 
     member = (system_of[:, None] == np.arange(n_systems)).astype(np.float64)  # (S, K)
-    weight = _per_system(w, member)  # (E, R, K)
-    count = _per_system(used.astype(np.float64), member)
+    clocks = np.flatnonzero(member.any(axis=0))
+    groups = np.ascontiguousarray(member.T[clocks])  # (L, S)
+    weight = _per_system(w, groups)  # (E, R, L)
+    n_of = _per_system(used.astype(np.float64), groups)
     safe = np.where(weight > 0.0, weight, 1.0)
     wu = w * u
-    u_mean = _per_system(wu, member) / safe  # (3, E, R, K)
+    u_mean = _per_system(wu, groups) / safe  # (3, E, R, L)
 
     N = _products(wu, u) - _products(weight * u_mean, u_mean)
     C, determinant = _inverse(N)
 
     n_used = used.sum(axis=-1)
-    n_clocks = (count > 0).sum(axis=-1)
+    n_clocks = (n_of > 0).sum(axis=-1)
     with np.errstate(invalid="ignore"):
         pdop2 = (C[0, 0] + C[1, 1] + C[2, 2]) * weight.sum(axis=-1) / np.maximum(n_used, 1)
         poor = ~((determinant > 0.0) & (pdop2 <= MOST_PDOP**2))
@@ -107,10 +113,14 @@ def design(los_enu: Floats, sigma_m: Floats, used: Bools, system_of: Ints, n_sys
         sigma_m=sigma_m,
         system_of=system_of,
         member=member,
+        clocks=clocks,
+        groups=groups,
+        place=np.searchsorted(clocks, system_of),
         w=w,
         wu=wu,
+        n_of=n_of,
         safe=safe,
-        u_mean=np.where(count > 0, u_mean, np.nan),
+        u_mean=np.where(n_of > 0, u_mean, np.nan),
         C=C,
         cov_enu_m2=C.transpose(2, 3, 0, 1),
         n_used=n_used,
@@ -121,11 +131,12 @@ def design(los_enu: Floats, sigma_m: Floats, used: Bools, system_of: Ints, n_sys
 def solution(of: Design, residual_m: Floats) -> Solution:
     """What the residuals (E, R, S) make of a design."""
     y = np.where(of.used, residual_m, 0.0)
-    y_mean = _per_system(of.w * y, of.member) / of.safe
-    dy = y - y_mean[..., of.system_of]
-    b = -(of.wu * dy).sum(axis=-1)  # a range shrinks when the receiver moves towards the satellite
+    y_mean = _per_system(of.w * y, of.groups) / of.safe
+    dy = y - y_mean.take(of.place, axis=-1)
+    b = -np.einsum("iers,ers->ier", of.wu, dy)  # a range shrinks when the receiver moves towards the satellite
     e = (of.C * b).sum(axis=1)
-    clock = y_mean + (of.u_mean * e[..., None]).sum(axis=0)
+    clock = np.full((*y.shape[:-1], of.member.shape[1]), np.nan)
+    clock[..., of.clocks] = y_mean + (of.u_mean * e[..., None]).sum(axis=0)
     found = Solution(e.transpose(1, 2, 0), clock, of.cov_enu_m2, of.n_used, of.why)
     return found if np.isfinite(e).all() else _without_infinite(found)
 
@@ -146,14 +157,14 @@ def _without_infinite(found: Solution) -> Solution:
 
 def postfit_m(residual_m: Floats, los_enu: Floats, solution: Solution, system_of: Ints) -> Floats:
     """Residuals (E, R, S) after the solution, m, of every satellite seen whose constellation has a clock, used or not."""
-    moved_m = (los_enu * np.moveaxis(solution.e_enu_m, -1, 0)[..., None]).sum(axis=0)
-    result: Floats = residual_m + moved_m - solution.clock_m[..., system_of]
+    moved_m = np.einsum("iers,eri->ers", los_enu, solution.e_enu_m)
+    result: Floats = residual_m + moved_m - solution.clock_m.take(system_of, axis=-1)
     return result
 
 
-def _per_system(v: Floats, member: Floats) -> Floats:
-    """Sums of (..., S) over the satellites of each constellation, (..., K)."""
-    sums: Floats = np.einsum("...s,sk->...k", v, member)
+def _per_system(v: Floats, groups: Floats) -> Floats:
+    """Sums of (..., S) over the satellites of each constellation, (..., L); rows of `groups` (L, S) are ones and zeros."""
+    sums: Floats = np.einsum("...s,ks->...k", v, groups)
     return sums
 
 

@@ -13,11 +13,10 @@ import numpy as np
 from integrity.gnss.angles import sine_cosine
 from integrity.gnss.atmosphere import (
     Klobuchar,
-    klobuchar_delay_m,
     klobuchar_slope,
+    klobuchar_towards_m,
     saastamoinen_zenith_m,
-    troposphere_mapping,
-    troposphere_slope,
+    troposphere_towards,
 )
 from integrity.gnss.constants import EARTH_ROTATION_RADPS, SPEED_OF_LIGHT_MPS
 from integrity.gnss.ephemeris.states import SatelliteStates
@@ -30,6 +29,7 @@ TRAVEL_TIME_NS = 77_500_000  # midway between zenith and horizon, GPS and Galile
 RELINEARISE_BEYOND_M = 1_000.0  # second order of the range: 2.5 cm at 1 km, 2.5 m at 10 km
 RELINEARISATIONS = 6  # from anywhere on Earth to below 1 mm
 LOWEST_MODELLED_RAD = float(np.deg2rad(3.0))  # below, neither atmosphere model holds; such satellites are screened out
+LOWEST_MODELLED_SINE, LOWEST_MODELLED_COSINE = float(np.sin(LOWEST_MODELLED_RAD)), float(np.cos(LOWEST_MODELLED_RAD))
 URA_NOMINAL_M = 2.4  # URA index 0: the accuracy for which the site's range sigmas hold
 
 
@@ -135,17 +135,20 @@ def _geometry(tow_s: Floats, satellites: Floats, points: Points, klobuchar: Klob
     axes = points.enu[..., None]
     east, north, up = ((axes[:, :, i, 0] * dx + axes[:, :, i, 1] * dy + axes[:, :, i, 2] * dz) / distance_m for i in range(3))
     up_mps = axes[:, :, 2, 0] * vx + axes[:, :, 2, 1] * vy + axes[:, :, 2, 2] * vz
-    level = np.hypot(east, north)
+    level = np.sqrt(east * east + north * north)
     el_rad = np.arctan2(up, level)
     az_rad = np.arctan2(east, north)
-    el_rate_radps = (up_mps - up * distance_mps) / (distance_m * np.maximum(level, 1e-6))
+    level_or_so = np.maximum(level, 1e-6)
+    el_rate_radps = (up_mps - up * distance_mps) / (distance_m * level_or_so)
 
-    el_air = np.maximum(el_rad, LOWEST_MODELLED_RAD)
-    delay_m = points.zenith_delay_m[..., None] * troposphere_mapping(el_air)
-    delay_mprad = delay_m * troposphere_slope(el_air)
+    low = up < LOWEST_MODELLED_SINE
+    mapping, slope = troposphere_towards(np.where(low, LOWEST_MODELLED_SINE, up), np.where(low, LOWEST_MODELLED_COSINE, level))
+    delay_m = points.zenith_delay_m[..., None] * mapping
+    delay_mprad = delay_m * slope
     if klobuchar is not None:
         lat_rad, lon_rad = points.lat_rad[..., None], points.lon_rad[..., None]
-        ionosphere_m = ionosphere * klobuchar_delay_m(tow_s, lat_rad, lon_rad, az_rad, el_air, klobuchar)
+        el_air, sin_az, cos_az = np.maximum(el_rad, LOWEST_MODELLED_RAD), east / level_or_so, north / level_or_so
+        ionosphere_m = ionosphere * klobuchar_towards_m(tow_s, lat_rad, lon_rad, sin_az, cos_az, el_air, klobuchar)
         delay_m = delay_m + ionosphere_m
         delay_mprad = delay_mprad + ionosphere_m * klobuchar_slope(el_air)
     range_m = distance_m + sagnac * (x * y_r - y * x_r) - SPEED_OF_LIGHT_MPS * clock_s + delay_m

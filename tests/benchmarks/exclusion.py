@@ -61,7 +61,7 @@ def ours(problem: Problem, fault_m: float, repeats: int) -> dict[str, Any]:
 
 
 def run(name: str = "ESBC00DNK", fault_m: float = FAULT_M, repeats: int = REPEATS) -> dict[str, Any]:
-    """One comparison; needs the data set, `hatanaka` and `pyrtklib`."""
+    """One comparison; needs the data set and `pyrtklib`."""
     of = SETS[name]
     with tempfile.TemporaryDirectory() as folder:
         files = unpacked(of, Path(folder))

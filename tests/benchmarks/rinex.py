@@ -1,13 +1,17 @@
 """A day of RINEX at 1 Hz, read and solved by a whole process of ours, against RTKLIB's reading and solving of it.
 
     python -m tests.benchmarks.rinex [--folder FOLDER] [--runs 3]
+    python -m tests.benchmarks.rinex --recorded            recorded files, read beside georinex
 
 The files are synthetic (`synthetic_rinex`). Ours: from the start of Python to its end, every column decoded, every epoch solved, on one
 core. The peer's time is what favours it most: only its calls of `readrnx`, `sortobs`, `uniqnav` and `pntpos`; cutting the observations
 into epochs and fetching results are left out, and it estimates no velocity. Medians over the runs, taken in turns.
+
+Of recorded files, megabytes of RINEX text a second (of Compact RINEX, of the text it stands for); georinex reads the first epochs only.
 """
 
 import argparse
+import gzip
 import json
 import os
 import statistics
@@ -15,11 +19,20 @@ import subprocess
 import sys
 import tempfile
 import time
+import warnings
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+DATA = Path(__file__).resolve().parents[2].parent / "shared" / "data"
+RECORDED = (
+    "catalonia_2010/MATA0770_00-12h.10o.gz",
+    "rosalia_2025/ROSR01TUW_R_20250010600_15M_05S_AA.rnx.gz",
+    "spp_truth/ESBC00DNK_2020177.crx.gz",
+)
+GEORINEX_BYTES = 1_000_000
 MASK_DEG = 10.0
 SIGMA_A_M, SIGMA_B_M = 0.9, 0.4
 
@@ -89,6 +102,42 @@ def run(folder: Path, runs: int) -> dict[str, Any]:
     }
 
 
+def recorded(runs: int) -> dict[str, Any]:
+    """Reading speeds of recorded files; needs the data set, georinex and hatanaka."""
+    return {name: _speeds(DATA / name, runs) for name in RECORDED}
+
+
+def _speeds(path: Path, runs: int) -> dict[str, Any]:
+    import georinex
+    import hatanaka
+
+    from recordings.rinex.observation import read_blocks
+
+    data = gzip.decompress(path.read_bytes())
+    compact = data[60:80] == b"CRINEX VERS   / TYPE"
+    text = hatanaka.crx2rnx(data) if compact else data
+    with tempfile.TemporaryDirectory() as folder:
+        whole, first = Path(folder) / f"whole{path.suffixes[0]}", Path(folder) / "first.rnx"
+        whole.write_bytes(data)
+        few = text[: text.find(b"\n>", min(GEORINEX_BYTES, len(text) - 2)) + 1] if text[5:6] != b"2" else text
+        first.write_bytes(few)
+        ours_s = min(_seconds(lambda: sum(len(block.epoch_ns) for block in read_blocks(whole, "A").blocks)) for _ in range(runs))
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            georinex_s = _seconds(lambda: georinex.load(first))
+    return {
+        "text_mb": round(len(text) / 1e6, 2),
+        "ours_mb_per_s": round(len(text) / 1e6 / ours_s, 1),
+        "georinex_mb_per_s": round(len(few) / 1e6 / georinex_s, 3),
+    }
+
+
+def _seconds(work: Callable[[], object]) -> float:
+    began = time.process_time()
+    work()
+    return time.process_time() - began
+
+
 def _errors(pos_ecef_m: Any, truth_ecef_m: Any) -> dict[str, Any]:
     error_m = np.linalg.norm(pos_ecef_m - np.array(truth_ecef_m), axis=1)
     known = error_m[np.isfinite(error_m)]
@@ -118,7 +167,11 @@ def main() -> None:
     parser.add_argument("--folder", type=Path, help="where the files are kept (by default they are made anew)")
     parser.add_argument("--runs", type=int, default=3)
     parser.add_argument("--child", nargs=3, metavar=("WHAT", "OBS", "NAV"), help=argparse.SUPPRESS)
+    parser.add_argument("--recorded", action="store_true", help="read recorded files instead, beside georinex")
     arguments = parser.parse_args()
+    if arguments.recorded:
+        print(json.dumps(recorded(arguments.runs), indent=2))
+        return
     if arguments.child:
         os.sched_setaffinity(0, {min(os.sched_getaffinity(0))})  # one core
         work = {"ours": read_and_solve, "peer": peer}[arguments.child[0]]

@@ -11,8 +11,6 @@ from tests.benchmarks import solve
 
 @pytest.fixture(scope="module", params=sorted(solve.SETS))
 def comparison(shared_data: Path, rtklib: ModuleType, request: pytest.FixtureRequest) -> dict[str, Any]:
-    if ".crx" in solve.SETS[request.param].observations:
-        pytest.importorskip("hatanaka", reason="unpacks what RTKLIB cannot read")
     return solve.run(request.param, repeats=1)
 
 

@@ -74,7 +74,7 @@ NAVIGATION_3 = (
 OBSERVATIONS = [observations_2().encode(), observations_3().encode()]
 NAVIGATION = [NAVIGATION_2.encode(), NAVIGATION_3.encode()]
 
-LIKELY = st.sampled_from(b" 0123456789.-+DEGnaif*\n\r>\x00\xff")  # what does most harm in such a file
+LIKELY = st.sampled_from(b" 0123456789.-+DEGnaifd_*\n\r>\x00\xff")  # what does most harm in such a file
 PLACE = st.floats(0.0, 1.0)
 
 

@@ -16,8 +16,6 @@ from tests.benchmarks.solve import SETS, Problem, problem_of, unpacked
 @pytest.fixture(scope="module", params=sorted(SETS))
 def problem(shared_data: Path, request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Problem:
     of = SETS[request.param]
-    if ".crx" in of.observations:
-        pytest.importorskip("hatanaka")
     return problem_of(*unpacked(of, tmp_path_factory.mktemp("rinex")), of.truth_ecef_m)
 
 

@@ -117,18 +117,21 @@ def satellite_states(ephemerides: Sequence[Ephemeris], index: Ints, t_ns: Ints, 
     origin_ns = int(t_ns[0])
     t_s = ((t_ns - origin_ns) / NS_PER_S)[:, None]
     columns = np.array(sets.parameters(origin_ns))
-    tilted = sets.tilted[index] if sets.tilted.any() else None
+    tilted = sets.tilted[index] if sets.tilted.any() and sets.tilted[index].any() else None
     out = np.empty((11, *index.shape))
     for few in slices(*index.shape):
-        out[:, few] = evaluate(
-            Parameters(*columns.take(index[few], axis=1, mode="wrap")), t_s[few], None if tilted is None else tilted[few]
-        )
-    if sets.of_states.any():
+        same = index[few][:1]
+        which = same if (index[few] == same).all() else index[few]  # (1, S) serves all epochs of most slices
+        out[:, few] = evaluate(Parameters(*columns.take(which, axis=1, mode="wrap")), t_s[few], None if tilted is None else tilted[few])
+    if sets.of_states.any() and sets.of_states[index].any():
         _put(out, sets, index, t_ns, GlonassEphemeris, glonass_states)
         _put(out, sets, index, t_ns, GeoEphemeris, geo_states)
     of = _delays(tuple(signals))
-    out[9] -= of.weight[0] * sets.delays_s[of.band[0], index] + of.weight[1] * sets.delays_s[of.band[1], index]
-    ionosphere = np.where(of.free, 0.0, (L1_HZ / (of.carrier_hz + of.channel_hz * sets.channel[index])) ** 2)
+    for band, weight in zip(of.band, of.weight, strict=True):
+        if weight.any():
+            out[9] -= weight * sets.delays_s[band, index]
+    carriers_hz = of.carrier_hz + of.channel_hz * sets.channel[index] if of.channel_hz.any() else of.carrier_hz
+    ionosphere = np.broadcast_to(np.where(of.free, 0.0, (L1_HZ / carriers_hz) ** 2), index.shape)
     return SatelliteStates(t_ns, out[0:3], out[3:6], out[6:9], out[9], out[10], ionosphere)
 
 

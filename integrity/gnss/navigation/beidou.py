@@ -201,8 +201,8 @@ def d2_ephemeris_of(satellite: str, pages: Sequence[int], near_ns: int) -> Keple
     return _ephemeris_of(satellite, "D2", pages, near_ns) if len(cycles) == 1 else None
 
 
-def _ephemeris_of(satellite: str, message: KeplerMessage, subframes: Sequence[int], near_ns: int) -> KeplerEphemeris:
-    """Its transmission began with the first subframe; `near_ns` is a GPS time within 4,096 weeks.
+def _ephemeris_of(satellite: str, message: KeplerMessage, subframes: Sequence[int], near_ns: int) -> KeplerEphemeris | None:
+    """Its transmission began with the first subframe; `near_ns` is a GPS time within 4,096 weeks. None where a reference time is beyond the week.
 
     No issue binds the pages of BeiDou, which is why they must be of one frame: sets change between frames only (5.2.4.2). `issue` is AODE,
     as in RINEX and RTCM 3; it says how old the data behind the orbit were, and is often the same in sets that follow each other.
@@ -211,12 +211,12 @@ def _ephemeris_of(satellite: str, message: KeplerMessage, subframes: Sequence[in
     bits = 0
     for subframe in subframes:
         bits = bits << SUBFRAME_BITS | subframe
+    toe_s, toc_s = 8 * layout.integer(bits, "toe_8s"), 8 * layout.integer(bits, "toc_8s")
+    if max(toe_s, toc_s) >= WEEK_S:
+        return None
     begun_ns = layout.integer(bits, "sow") * NS_PER_S + BDT_BEHIND_GPS_NS
     transmission_ns = nearest_ns((FIRST_WEEK + layout.integer(bits, "week")) * WEEK_NS + begun_ns, near_ns, WEEKS_NS)
     ura_index = layout.integer(bits, "ura_index")
-
-    def reference_ns(name: str) -> int:
-        return nearest_ns(8 * layout.integer(bits, name) * NS_PER_S + BDT_BEHIND_GPS_NS, transmission_ns, WEEK_NS)
 
     return KeplerEphemeris(
         satellite=satellite,
@@ -225,8 +225,8 @@ def _ephemeris_of(satellite: str, message: KeplerMessage, subframes: Sequence[in
         healthy=layout.integer(bits, "health") == 0,
         accuracy_m=None if ura_index == URA_NO_PROMISE else URA_UPPER_M[ura_index],
         transmission_ns=transmission_ns,
-        toe_ns=reference_ns("toe_8s"),
-        toc_ns=reference_ns("toc_8s"),
+        toe_ns=nearest_ns(toe_s * NS_PER_S + BDT_BEHIND_GPS_NS, transmission_ns, WEEK_NS),
+        toc_ns=nearest_ns(toc_s * NS_PER_S + BDT_BEHIND_GPS_NS, transmission_ns, WEEK_NS),
         fit_half_s=FIT_HALF_S,
         **layout.quantities(bits),
     )

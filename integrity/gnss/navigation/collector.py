@@ -10,7 +10,7 @@ say of which week they are, all pages of a set must have arrived within `togethe
 must have arrived within `ARRIVES_WITHIN_NS` of that.
 """
 
-from collections.abc import Collection, Iterable, Mapping
+from collections.abc import Collection, Iterable
 from dataclasses import replace
 from typing import NamedTuple
 
@@ -152,14 +152,21 @@ def _repeats(kind: MessageKind, number: int, before: _Kept, now: _Kept) -> bool:
     return (before.data ^ now.data) & ~kind.time_bits.get(number, 0) == 0
 
 
-def _set_of(satellite: str, kind: MessageKind, pages: Mapping[int, _Kept]) -> Ephemeris | None:
-    """The set that the kept pages of a satellite make up; None where one is missing, or they do not belong together, or make no sense."""
+def _set_of(satellite: str, kind: MessageKind, pages: dict[int, _Kept]) -> Ephemeris | None:
+    """The set that the kept pages of a satellite make up; None where one is missing, or they do not belong together, or make no sense.
+
+    A page that says it was sent at another time than it came is dropped where the right one would pass for a repetition of it.
+    """
     arrived_ns = {number: kept.arrived_ns for number, kept in pages.items() if kept.arrived_ns is not None}
     if len(arrived_ns) < len(kind.pages) or max(arrived_ns.values()) - min(arrived_ns.values()) > kind.together_ns:
         return None
     timed_ns = arrived_ns[kind.timed]
     ephemeris = kind.ephemeris_of(satellite, [pages[number].data for number in kind.pages], timed_ns)
-    if ephemeris is None or ephemeris.implausibility() is not None or abs(timed_ns - ephemeris.transmission_ns) > ARRIVES_WITHIN_NS:
+    if ephemeris is None or ephemeris.implausibility() is not None:
+        return None
+    if abs(timed_ns - ephemeris.transmission_ns) > ARRIVES_WITHIN_NS:
+        if kind.timed in kind.time_bits:
+            del pages[kind.timed]
         return None
     return ephemeris
 

@@ -8,7 +8,7 @@ from functools import lru_cache
 
 from integrity.gnss.crc import crc24q
 from integrity.gnss.ephemeris.broadcast import KeplerEphemeris
-from integrity.gnss.gps_time import NS_PER_S, WEEK_NS
+from integrity.gnss.gps_time import NS_PER_S, WEEK_NS, WEEK_S
 from integrity.gnss.navigation.bits import HEARD_AT_ONCE, SEMICIRCLE_RAD, in_order, nearest_ns, plain, signed
 from integrity.gnss.navigation.inav import FIRST_WEEK, FIT_HALF_S, SISA_END, SISA_M, WEEKS_NS
 
@@ -75,14 +75,15 @@ PAGES = {1: PAGE_1, 2: PAGE_2, 3: PAGE_3, 4: PAGE_4}
 
 @lru_cache(maxsize=HEARD_AT_ONCE)
 def page_of(words: tuple[int, ...]) -> int | None:
-    """The 214 bits of data of a page from eight words of RXM-SFRBX; None where the CRC is not right. Tail and filling are not looked at."""
+    """The 214 bits of data of a page from eight words of RXM-SFRBX; None where CRC or time cannot be right. Tail and filling are not looked at."""
     if len(words) != WORDS:
         return None
     page = 0
     for word in words:
         page = page << 32 | word
     data = PAGE.integer(page, "data")
-    return data if PAGE.integer(page, "crc") == crc24q(data.to_bytes(27, "big")) else None
+    beyond_week = page_type(data) == 1 and PAGE_1.integer(data, "tow_s") >= WEEK_S
+    return data if PAGE.integer(page, "crc") == crc24q(data.to_bytes(27, "big")) and not beyond_week else None
 
 
 def page_type(page: int) -> int:
@@ -96,7 +97,7 @@ def issue_of(page_type: int, page: int) -> int:
 
 
 def ephemeris_of(satellite: str, one: int, two: int, three: int, four: int, near_ns: int) -> KeplerEphemeris | None:
-    """The set that pages 1 to 4 make up; None where issues differ or page 1 names another satellite.
+    """The set that pages 1 to 4 make up; None where issues differ, page 1 names another satellite, or a reference time is beyond the week.
 
     `near_ns` is a GPS time within 2,048 weeks. Its transmission began with page 1.
     """
@@ -106,8 +107,10 @@ def ephemeris_of(satellite: str, one: int, two: int, three: int, four: int, near
     if PAGE_1.integer(one, "satellite") != int(satellite[1:]):
         return None
     week, tow_s = FIRST_WEEK + PAGE_1.integer(one, "week"), PAGE_1.integer(one, "tow_s")
-    transmission_ns = nearest_ns(week * WEEK_NS + tow_s * NS_PER_S, near_ns, WEEKS_NS)
     toe_s, toc_s = 60 * PAGE_3.integer(three, "toe_60s"), 60 * PAGE_1.integer(one, "toc_60s")
+    if max(toe_s, toc_s) >= WEEK_S:
+        return None
+    transmission_ns = nearest_ns(week * WEEK_NS + tow_s * NS_PER_S, near_ns, WEEKS_NS)
     sisa_index = PAGE_1.integer(one, "sisa_index")
     return KeplerEphemeris(
         satellite=satellite,

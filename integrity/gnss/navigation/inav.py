@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 from integrity.gnss.crc import crc24q
 from integrity.gnss.ephemeris.broadcast import KeplerEphemeris
-from integrity.gnss.gps_time import NS_PER_S, WEEK_NS
+from integrity.gnss.gps_time import NS_PER_S, WEEK_NS, WEEK_S
 from integrity.gnss.navigation.bits import HEARD_AT_ONCE, SEMICIRCLE_RAD, Field, Layout, Part, in_order, nearest_ns, plain, signed
 
 FIRST_WEEK = 1024  # GPS week in which Galileo's weeks begin to count: 5.1.2
@@ -147,7 +147,7 @@ def page_crc(page: int) -> int:
 
 @lru_cache(maxsize=HEARD_AT_ONCE)
 def word_of(words: tuple[int, ...]) -> int | None:
-    """The 128 bits of an I/NAV word from eight words of RXM-SFRBX; None for an alert page and where parts or CRC are not right.
+    """The 128 bits of an I/NAV word from eight words of RXM-SFRBX; None for an alert page and where parts, CRC or time cannot be right.
 
     Tails are not looked at: they only end the convolutional code, and a receiver may deliver a sound page with a damaged one.
     """
@@ -162,11 +162,13 @@ def word_of(words: tuple[int, ...]) -> int | None:
         and not PAGE.integer(page, "odd_alert")
         and PAGE.integer(page, "crc") == page_crc(page)
     )
-    return PAGE.integer(page, "data_1") << 16 | PAGE.integer(page, "data_2") if sound else None
+    word = PAGE.integer(page, "data_1") << 16 | PAGE.integer(page, "data_2")
+    beyond_week = HEAD.integer(word, "word_type") == 5 and WORD_5.integer(word, "tow_s") >= WEEK_S
+    return word if sound and not beyond_week else None
 
 
 def ephemeris_of(satellite: str, one: int, two: int, three: int, four: int, five: int, near_ns: int) -> KeplerEphemeris | None:
-    """The set that words 1 to 5 make up; None where issues differ or word 4 names another satellite.
+    """The set that words 1 to 5 make up; None where issues differ, word 4 names another satellite, or a reference time is beyond the week.
 
     `near_ns` is a GPS time within 2,048 weeks. Its transmission began with the page of word 5, the only one of them that carries a time.
     """
@@ -176,8 +178,10 @@ def ephemeris_of(satellite: str, one: int, two: int, three: int, four: int, five
     if WORD_4.integer(four, "satellite") != int(satellite[1:]):
         return None
     week, tow_s = FIRST_WEEK + WORD_5.integer(five, "week"), WORD_5.integer(five, "tow_s")
-    transmission_ns = nearest_ns(week * WEEK_NS + tow_s * NS_PER_S, near_ns, WEEKS_NS)
     toe_s, toc_s = 60 * WORD_1.integer(one, "toe_60s"), 60 * WORD_4.integer(four, "toc_60s")
+    if max(toe_s, toc_s) >= WEEK_S:
+        return None
+    transmission_ns = nearest_ns(week * WEEK_NS + tow_s * NS_PER_S, near_ns, WEEKS_NS)
     sisa_index = WORD_3.integer(three, "sisa_index")
     return KeplerEphemeris(
         satellite=satellite,

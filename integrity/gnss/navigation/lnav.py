@@ -10,7 +10,7 @@ from functools import lru_cache
 
 from integrity.gnss.atmosphere import Klobuchar
 from integrity.gnss.ephemeris.broadcast import KeplerEphemeris
-from integrity.gnss.gps_time import NS_PER_S, WEEK_NS
+from integrity.gnss.gps_time import NS_PER_S, WEEK_NS, WEEK_S
 from integrity.gnss.navigation.bits import HEARD_AT_ONCE, SEMICIRCLE_RAD, Field, Layout, Part, nearest_ns
 
 SUBFRAME_S = 6
@@ -152,7 +152,7 @@ def subframe_of(words: tuple[int, ...]) -> int | None:
 
 
 def ephemeris_of(satellite: str, one: int, two: int, three: int, near_ns: int) -> KeplerEphemeris | None:
-    """The set that subframes 1, 2 and 3 make up; None where their issues differ. Its transmission began with subframe 1.
+    """The set that subframes 1, 2 and 3 make up; None where their issues differ or a reference time is beyond the week. Its transmission began with subframe 1.
 
     `near_ns` is a GPS time within 512 weeks. Where a subframe raises the alert flag, no accuracy is promised (20.3.3.2). A set of QZSS that
     says no group delay is none: its clock serves no signal alone.
@@ -164,9 +164,11 @@ def ephemeris_of(satellite: str, one: int, two: int, three: int, near_ns: int) -
     of_clock = SUBFRAME_1.quantities(one)
     if qzss and of_clock["group_delay_s"] == QZSS_NO_GROUP_DELAY_S:
         return None
+    toe_s, toc_s = 16 * SUBFRAME_2.integer(two, "toe_16s"), 16 * SUBFRAME_1.integer(one, "toc_16s")
+    if max(toe_s, toc_s) >= WEEK_S:
+        return None
     tow_s = (HEAD.integer(one, "next_tow_count") - 1) % SUBFRAMES_A_WEEK * SUBFRAME_S
     transmission_ns = nearest_ns(SUBFRAME_1.integer(one, "week") * WEEK_NS + tow_s * NS_PER_S, near_ns, WEEKS_NS)
-    toe_s, toc_s = 16 * SUBFRAME_2.integer(two, "toe_16s"), 16 * SUBFRAME_1.integer(one, "toc_16s")
     ura_index = SUBFRAME_1.integer(one, "ura_index")
     promised = ura_index != URA_NO_PROMISE and not any(HEAD.integer(message, "alert") for message in (one, two, three))
     return KeplerEphemeris(

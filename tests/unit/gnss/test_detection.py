@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
-from integrity.gnss.detection import Checked, Criteria, Finding, criteria, detect_and_exclude
+from integrity.gnss.detection import Checked, Criteria, Finding, criteria, detect_and_exclude, told_apart
 from integrity.gnss.least_squares import Unsolved, solution
 from integrity.gnss.observations import Bools, Floats
-from tests.unit.gnss.skies import MadeSky, made_sky
+from tests.unit.gnss.skies import N_SYSTEMS, MadeSky, made_sky
 
 LIMITS = criteria(false_alarm=1e-7, most_excluded=3, confusable=0.85, confusion=1e-3)
 
@@ -95,6 +95,12 @@ def test_with_one_range_more_than_unknowns_nobody_can_be_told_apart() -> None:
     assert checked(sky).finding.item() == Finding.AMBIGUOUS
 
 
+@pytest.mark.parametrize("fault_m", [1e4, 1e6, 1e9])
+def test_rounding_tells_nobody_apart(fault_m: float) -> None:
+    sky = with_faults(made_sky(7, (5,), epochs=100, receivers=1, noise=0.3), s2=fault_m)
+    assert (checked(sky).finding == Finding.AMBIGUOUS).all()
+
+
 def test_all_who_cannot_be_told_apart_are_suspects() -> None:
     sky = with_faults(made_sky(7, (5,), epochs=1, receivers=1, noise=0.3), s2=1e4)
     assert checked(sky).suspects.all()
@@ -148,6 +154,17 @@ def test_what_remains_with_a_poor_geometry_is_not_verified() -> None:
     sky = made_sky(6, (8,), epochs=1, receivers=1, noise=0.0)
     still = sky._replace(los_enu=los_enu, sigma_m=np.ones((1, 1, 8)), residual_m=np.zeros((1, 1, 8)))
     assert checked(with_faults(still, s7=1e6)).finding.item() == Finding.UNVERIFIED
+
+
+@pytest.mark.parametrize(("satellites", "kept"), [((8, 1), 8), ((8, 2), 8), ((8, 3), 11), ((2, 2), 0)])
+def test_constellations_of_one_or_two_are_left_out(satellites: tuple[int, int], kept: int) -> None:
+    sky = made_sky(12, satellites)
+    assert (told_apart(sky.used, sky.system_of, N_SYSTEMS).sum(axis=-1) == kept).all()
+
+
+def test_of_two_in_a_constellation_nobody_is_named() -> None:
+    sky = with_faults(made_sky(12, (8, 2), noise=0.3), s9=100.0)
+    assert (checked(sky).finding == Finding.AMBIGUOUS).all()
 
 
 def test_as_many_ranges_as_unknowns_are_unchecked() -> None:

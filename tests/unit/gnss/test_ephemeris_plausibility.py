@@ -56,7 +56,7 @@ def test_a_parameter_beyond_all_measure_is_implausible(kind: str, name: str, val
         ("GPS", {"satellite": "G5"}, "satellite 'G5'"),
         ("GLONASS", {"channel": 7}, "channel 7"),
         ("GLONASS", {"channel": -8}, "channel -8"),
-        ("GLONASS", {"ax_mps2": 1e-5}, "ax_mps2 = "),
+        ("GLONASS", {"ax_mps2": 1.5e-5}, "ax_mps2 = "),
         ("GLONASS", {"x_m": 0.0}, "from the centre of the Earth"),
         ("SBAS", {"x_m": 0.0}, "from the centre of the Earth"),
         ("SBAS", {"af0": 3e-6}, "af0 = "),

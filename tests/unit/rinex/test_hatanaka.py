@@ -143,7 +143,7 @@ def test_a_number_too_long_for_its_columns_is_no_number() -> None:
     assert numbers(text, "G05", 19) == ["*" * 14]
 
 
-@pytest.mark.parametrize("lost", [0, 1, 2])
+@pytest.mark.parametrize("lost", [-1, 0, 1, 2])
 def test_a_line_lost_costs_the_epochs_up_to_the_next_beginning(lost: int) -> None:
     lines = later("2", "1 1 1", "1").splitlines(keepends=True)
     del lines[1 + lost]
@@ -151,6 +151,37 @@ def test_a_line_lost_costs_the_epochs_up_to_the_next_beginning(lost: int) -> Non
     assert problems == {"compressed epochs without a beginning": 1}
     assert [line[20] for line in text.split("\n") if line.startswith(">")] in (["0", "1", "0"], ["0", "0"])
     assert "*" not in text
+
+
+def test_an_epoch_line_lost_is_noticed_where_every_line_has_one_field() -> None:
+    first = "> 2010 03 18 00 00  0.0000000  0  2      R12R13\n\n1&20000000000\n1&21000000000\n"
+    lines = later("1", "100", "200").split("\n", 1)[1]
+    text, problems = text_of(first + later("2", "7", "7") + lines + later("3", "100", "200"))
+    assert problems == {"compressed epochs without a beginning": 1}
+    assert numbers(text, "R12", 3) == ["20000000.000"]
+
+
+@pytest.mark.parametrize("clock", ["1 1 1", "x", "3&"])
+def test_a_line_that_is_no_clock_offset_costs_the_epochs_up_to_the_next_beginning(clock: str) -> None:
+    text, problems = text_of(
+        FIRST + FIRST.replace("  0.0", "  1.0") + later("2", "1 1 1", "1", clock=clock) + FIRST.replace("  0.0", "  3.0")
+    )
+    assert [line[20] for line in text.split("\n") if line.startswith(">")] == ["0", "3"]
+    assert problems == {"compressed epochs without a beginning": 1}
+
+
+def test_a_record_that_is_longer_than_any_is_none() -> None:
+    text, _ = text_of(FIRST + later("1", "1 1 1       7", "1"))
+    assert numbers(text, "G05", 3) == ["21000000.123", "*" * 14]
+
+
+def test_digits_of_crinex_1_go_with_the_number() -> None:
+    head = header("1.0                 COMPACT RINEX FORMAT", "CRINEX VERS   / TYPE") + header("by hand", "CRINEX PROG / DATE")
+    head += header("     2.11           OBSERVATION DATA    G (GPS)", "RINEX VERSION / TYPE")
+    head += header("     2    C1    L1", "# / TYPES OF OBSERV") + header("", "END OF HEADER")
+    seconds = [" " * 17 + f"{k}\n\n{line}\n" for k, line in ((1, "0 "), (2, "0 1&2000 "))]
+    text, _ = text_of("&10  3 18  0  0  0.0000000  0  1G 5\n\n1&21000000000 1&1000 1718\n" + "".join(seconds), head=head)
+    assert text.split("\n")[-6::2] == ["  21000000.00017         1.00018", "  21000000.00017", "  21000000.00017         2.000"]
 
 
 def test_versions_that_are_not_known_are_refused() -> None:

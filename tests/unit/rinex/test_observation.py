@@ -263,8 +263,9 @@ def test_years_that_no_receiver_can_have_measured_in(tmp_path: Path, year: str, 
     assert len(read(tmp_path, HEADER_3 + EPOCH_3.replace("2010", year)).rows) == rows
 
 
-def test_impossible_time_costs_one_epoch(tmp_path: Path) -> None:
-    file = read(tmp_path, HEADER_3 + EPOCH_3.replace(" 03 18", " 02 30") + EPOCH_3)
+@pytest.mark.parametrize("time", [" 02 30 00 00  0.0", " 03 18 24 00  0.0", " 03 18 00 60  0.0", " 03 18 00 00 60.0", " 03 18 00 00100.0"])
+def test_impossible_time_costs_one_epoch(tmp_path: Path, time: str) -> None:
+    file = read(tmp_path, HEADER_3 + EPOCH_3.replace(" 03 18 00 00  0.0", time) + EPOCH_3)
     assert len(file.rows) == 1
     assert file.problems == {"epoch time not readable": 1}
 
@@ -352,6 +353,18 @@ def test_windows_line_ends_and_a_missing_last_one(tmp_path: Path) -> None:
 def test_missing_file_is_an_os_error(tmp_path: Path) -> None:
     with pytest.raises(FileNotFoundError):
         read_observations(tmp_path / "nowhere.obs", "A")
+
+
+@pytest.mark.parametrize("flag", ["7", "8", "9", " "])
+def test_flags_that_do_not_exist_make_no_epoch(tmp_path: Path, flag: str) -> None:
+    file = read(tmp_path, HEADER_3 + EPOCH_3.replace("  0  2\n", f"  {flag}  2\n") + EPOCH_3)
+    assert (len(file.rows), file.problems) == (1, {"epoch line not readable": 1})
+
+
+@pytest.mark.parametrize("second", ["d.0000000", "0.000000d", "_.0000000"])
+def test_letters_are_no_digits(tmp_path: Path, second: str) -> None:
+    file = read(tmp_path, HEADER_3 + EPOCH_3.replace("0.0000000", second, 1) + EPOCH_3)
+    assert (len(file.rows), file.problems) == (1, {"epoch line not readable": 1})
 
 
 def test_a_count_with_a_gap_in_it_is_no_count(tmp_path: Path) -> None:

@@ -29,6 +29,12 @@ def blocks(tmp_path: Path, text: str | bytes) -> list[ObservationBlock]:
     return list(read_blocks(path, "A").blocks)
 
 
+def problems_of(tmp_path: Path, text: str) -> dict[str, int]:
+    path = tmp_path / "site.obs"
+    path.write_text(text)
+    return read_observations(path, "A").problems
+
+
 def rows(parts: list[ObservationBlock]) -> Iterator[ObservationRow]:
     for part in parts:
         yield from rows_of(part)
@@ -57,6 +63,11 @@ def test_comments_between_epochs_change_nothing(tmp_path: Path) -> None:
     event = f">{'':30}4  1\n" + header("a word", "COMMENT")
     again, plain = (blocks(tmp_path, HEADER_3 + epochs_3(2) + between + epochs_3(2)) for between in (event, ""))
     assert all(same_measurements(a, b) for a, b in zip(rows(again), rows(plain), strict=True))
+
+
+def test_lines_behind_special_records_are_counted(tmp_path: Path) -> None:
+    event = f">{'':30}4  1\n" + header("a word", "COMMENT")
+    assert problems_of(tmp_path, HEADER_3 + event + "no line of an epoch\n" + epochs_3(1)) == {"epoch line not readable": 1}
 
 
 def test_repeated_and_backward_epochs_keep_their_rows(tmp_path: Path) -> None:
@@ -89,6 +100,14 @@ def test_how_a_file_is_cut_for_reading_makes_no_difference(
     cut = read_observations(path, "A")
     assert cut.problems == whole.problems
     assert [same_measurements(a, b) for a, b in zip(cut.rows, whole.rows, strict=True)] == [True] * len(whole.rows)
+
+
+@pytest.mark.parametrize("size", [1, 2, 3, 4, 100])
+def test_line_ends_of_all_systems(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, size: int) -> None:
+    monkeypatch.setattr(pieces, "PIECE_BYTES", size)
+    path = tmp_path / "ends"
+    path.write_bytes(b"a\r\nb\rc\r\r\n\nd\r")
+    assert b"".join(pieces.read_pieces(path, Counter())) == b"a\nb\nc\n\n\nd\n"
 
 
 def test_endless_text_between_epochs_is_not_kept(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -93,6 +93,12 @@ def test_beidou_b1_under_its_number_of_version_302(tmp_path: Path, version: str,
     assert read(tmp_path, rinex3(types, "C06" + ranges(2), version=version)).rows[0].signals == signals
 
 
+@pytest.mark.parametrize("types", ["C C1I C2I", "C C2I C1I"])
+def test_beidou_b1_under_both_numbers_is_the_one_under_its_own(tmp_path: Path, types: str) -> None:
+    (row,) = read(tmp_path, rinex3(types, "C06" + ranges(2))).rows
+    assert row.pseudorange_m.tolist() == [21_000_000.0 + types.split().index("C2I") - 1]
+
+
 @pytest.mark.parametrize(("system", "kept"), [("G", 1), ("R", 1), ("S", 1), ("J", 1), ("I", 0)])
 def test_systems_that_are_read(tmp_path: Path, system: str, kept: int) -> None:
     file = read(
@@ -143,6 +149,12 @@ def test_a_scale_that_is_not_said_is_that_of_the_file(tmp_path: Path, system: st
     text = rinex2("C1", " 05", ranges(1), scale="   ").replace("M (MIXED)", f"{system}        ")
     (row,) = read(tmp_path, text).rows
     assert (row.receive_time_ns, row.signals) == (THURSDAY_NS + behind_s * NS_PER_S, (f"{system}05.1C",))
+
+
+@pytest.mark.parametrize("letter", ["I", "\xdf", "\xff", "\xb5"])  # the last three have capitals that are no single byte
+def test_satellites_without_a_letter_in_a_file_of_another_system_are_passed_over(tmp_path: Path, letter: str) -> None:
+    text = rinex2("C1", " 05", ranges(1)).replace("M (MIXED)", f"{letter}        ")
+    assert read(tmp_path, text).rows[0].signals == ()
 
 
 def test_utc_over_a_leap_second(tmp_path: Path) -> None:

@@ -35,6 +35,16 @@ def test_a_flag_without_a_phase_counts_when_the_phase_is_back() -> None:
     assert arcs_of(block).slip[AT + 1, 0, 3] == Slip.FLAGGED
 
 
+def test_a_flag_is_not_forgotten_while_the_phase_is_away() -> None:
+    """Block after block of one epoch, four of them without a phase."""
+    block = edited(edited(phases(EPOCHS), "slip", (AT, 0, 3), True), "carrier_cycles", (slice(AT, AT + 4), 0, 3), np.nan)
+    memory = CarrierMemory.empty(1)
+    for e in range(AT + 5):
+        one = part(block, slice(e, e + 1), list(range(2 * len(SATELLITES))))
+        arcs, memory = find_slips(one, wavelengths(one), memory, LIMITS)
+    assert arcs.slip[0, 0, 3] == Slip.FLAGGED
+
+
 def test_a_lock_time_that_goes_down_is_a_slip() -> None:
     block = phases(EPOCHS)
     block = edited(block, "lock_s", (slice(AT, None), 0, 3), np.arange(EPOCHS - AT) + 2.0)
