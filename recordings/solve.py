@@ -1,6 +1,7 @@
 """Positions of one receiver over its recording, block by block: what `integrity.gnss` makes of a file without a station around it.
 
-Single frequency (of each system the first of its codes that was measured), broadcast orbits, weighted least squares, nothing excluded.
+Broadcast orbits, weighted least squares, nothing excluded; of each satellite the first of its codes that was measured. A block of pairs
+(`combination.ionosphere_free`) is solved like any other, with the codes of pairs.
 """
 
 from collections.abc import Iterable, Iterator, Sequence
@@ -9,7 +10,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from integrity.gnss.atmosphere import Klobuchar
+from integrity.gnss.atmosphere import Ionosphere
 from integrity.gnss.ephemeris.broadcast import Ephemeris
 from integrity.gnss.ephemeris.states import SatelliteStates, accuracy_m, satellite_states, usable
 from integrity.gnss.ephemeris.store import EphemerisStore
@@ -43,10 +44,10 @@ class Track(NamedTuple):
 class Sky:
     """Broadcast data of a recording: each epoch uses what had been transmitted by then, or, where that is nothing, what came later."""
 
-    def __init__(self, ephemerides: Iterable[Ephemeris], klobuchar: Klobuchar | None) -> None:
+    def __init__(self, ephemerides: Iterable[Ephemeris], ionosphere: Ionosphere | None) -> None:
         in_order = sorted(dict.fromkeys(ephemerides), key=lambda eph: eph.transmission_ns)
         self.store = EphemerisStore(in_order)
-        self.klobuchar = klobuchar
+        self.ionosphere = ionosphere
         self._transmission_ns = np.array([eph.transmission_ns for eph in in_order], dtype=np.int64)
 
     def choose(self, satellites: Sequence[str], epoch_ns: Ints) -> Ints:
@@ -72,7 +73,7 @@ def solved(
     points = None if approx_position_ecef_m is None else points_at(np.array([approx_position_ecef_m], dtype=np.float64))
     for block in blocks:
         order = np.argsort(block.epoch_ns, kind="stable")
-        chosen = _single_frequency(block, codes, order)
+        chosen = _one_signal_each(block, codes, order)
         index = sky.choose(chosen.satellites, chosen.epoch_ns)
         states = satellite_states(sky.store.ephemerides, index, state_time_ns(chosen.epoch_ns), chosen.signals)
         if points is None:
@@ -95,11 +96,14 @@ def _nowhere(time_ns: Ints) -> Track:
     return Track(time_ns, np.full((n, 3), np.nan), np.zeros(n, dtype=np.int64), np.full(n, Unsolved.TOO_FEW_SATELLITES, dtype=np.int64))
 
 
-def _single_frequency(block: ObservationBlock, codes: Codes, order: Ints) -> ObservationBlock:
-    """The epochs of a block in the order of time, with the signals of the first code of each system that it has."""
-    present = {(signal[0], signal.partition(".")[2]) for signal in block.signals}
-    first = {system: next((code for code in listed if (system, code) in present), None) for system, listed in codes.items()}
-    columns = [s for s, signal in enumerate(block.signals) if signal.partition(".")[2] == first.get(signal[0])]
+def _one_signal_each(block: ObservationBlock, codes: Codes, order: Ints) -> ObservationBlock:
+    """The epochs of a block in the order of time, with the signal of the first code of each satellite that it has."""
+    place = {signal: s for s, signal in enumerate(block.signals)}
+    found = {}
+    for satellite in dict.fromkeys(block.satellites):
+        named = (f"{satellite}.{code}" for code in codes.get(satellite[0], ()))
+        found[satellite] = next((place[signal] for signal in named if signal in place), None)
+    columns = [s for s in found.values() if s is not None]
     in_order = bool((np.diff(order) == 1).all())
     if in_order and len(columns) == len(block.signals):
         return block
@@ -118,11 +122,11 @@ def _single_frequency(block: ObservationBlock, codes: Codes, order: Ints) -> Obs
 
 def _track(block: ObservationBlock, states: SatelliteStates, index: Ints, sky: Sky, weights: Weights, points: Points) -> Track:
     ephemerides = sky.store.ephemerides
-    first = prefit(block, states, points, sky.klobuchar)
+    first = prefit(block, states, points, sky.ionosphere)
     sigma_m = range_sigma_m(first.el_rad, weights.a_m, weights.b_m, accuracy_m(ephemerides, index)[:, None])
     used = (first.el_rad >= weights.mask_rad) & usable(ephemerides, index)[:, None]
     system_of = np.array([time_scale_index(s) for s in block.satellites], dtype=np.int64)
-    found = positions(block, states, points, sky.klobuchar, first, sigma_m, used, system_of, len(TIME_SCALES))
+    found = positions(block, states, points, sky.ionosphere, first, sigma_m, used, system_of, len(TIME_SCALES))
     pos_ecef_m = points.pos_ecef_m[0] + np.einsum("ji,ej->ei", points.enu[0, 0], found.e_enu_m[:, 0])
     return Track(block.epoch_ns, pos_ecef_m, found.n_used[:, 0], found.why[:, 0])
 

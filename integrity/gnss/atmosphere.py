@@ -1,6 +1,7 @@
-"""Delays of the signal on its way down: ionosphere (Klobuchar) and troposphere (Saastamoinen)."""
+"""Delays of the signal on its way down: ionosphere (Klobuchar; for NeQuick-G see `nequick`) and troposphere (Saastamoinen)."""
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -20,6 +21,21 @@ class Klobuchar:
     def plausible(self) -> bool:
         """Whether the words of IS-GPS-200 table 20-X can hold these numbers (with a margin)."""
         return all(abs(a) <= 1e-5 for a in self.alpha) and all(abs(b) <= 1e7 for b in self.beta)
+
+
+class GalileoIonosphere(NamedTuple):
+    """Effective ionisation level of NeQuick-G in solar flux units: ai0 + ai1 mu + ai2 mu^2, mu the modified dip latitude in degrees.
+
+    `disturbed`: the storm flags of regions 1 to 5, region 1 the highest bit. Source: Galileo OS SIS ICD 2.1, 5.1.6 and 5.1.7.
+    """
+
+    ai0: float
+    ai1: float
+    ai2: float
+    disturbed: int
+
+
+Ionosphere = Klobuchar | GalileoIonosphere
 
 
 def klobuchar_delay_m(tow_s: Floats, lat_rad: Floats, lon_rad: Floats, az_rad: Floats, el_rad: Floats, k: Klobuchar) -> Floats:

@@ -12,6 +12,8 @@ import numpy as np
 
 from integrity.gnss.angles import sine_cosine
 from integrity.gnss.atmosphere import (
+    GalileoIonosphere,
+    Ionosphere,
     Klobuchar,
     klobuchar_slope,
     klobuchar_towards_m,
@@ -88,9 +90,9 @@ def state_time_ns(epoch_ns: Ints) -> Ints:
     return epoch_ns - TRAVEL_TIME_NS
 
 
-def prefit(block: ObservationBlock, states: SatelliteStates, points: Points, klobuchar: Klobuchar | None) -> Prefit:
+def prefit(block: ObservationBlock, states: SatelliteStates, points: Points, ionosphere: Ionosphere | None) -> Prefit:
     """Residuals of a block at the points; `states` at `state_time_ns` of the block's epochs."""
-    return compared(block, expected(states, block.epoch_ns, points, klobuchar))
+    return compared(block, expected(states, block.epoch_ns, points, ionosphere))
 
 
 def compared(block: ObservationBlock, sight: Expected) -> Prefit:
@@ -103,11 +105,11 @@ def compared(block: ObservationBlock, sight: Expected) -> Prefit:
     return Prefit(residual_m, sight.los_enu, sight.el_rad, sight.az_rad)
 
 
-def expected(states: SatelliteStates, epoch_ns: Ints, points: Points, klobuchar: Klobuchar | None) -> Expected:
+def expected(states: SatelliteStates, epoch_ns: Ints, points: Points, ionosphere: Ionosphere | None) -> Expected:
     """Pseudoranges at the points but for the receivers' clocks, as they change around the time of the states (`state_time_ns`).
 
     To the second order in the time from there to transmission, 12 ms at most for a receiver whose time tag is the epoch's: within
-    0.1 mm for one whose tag is up to 0.5 s off. Without Klobuchar terms the ionosphere is left out.
+    0.1 mm for one whose tag is up to 0.5 s off. Without its terms the ionosphere is left out.
     """
     tow_s = (epoch_ns % WEEK_NS / NS_PER_S)[:, None, None]
     alone = (states.clock_s, states.clock_drift_sps, states.ionosphere)
@@ -117,13 +119,13 @@ def expected(states: SatelliteStates, epoch_ns: Ints, points: Points, klobuchar:
     out = np.empty((8, n_epochs, n_receivers, n_signals))
     for few in slices(n_epochs, n_receivers * n_signals):
         there = points if len(points.pos_ecef_m) == 1 else Points(*(p[few] for p in points))
-        out[:, few] = _geometry(tow_s[few], satellites[:, few], there, klobuchar)
+        out[:, few] = _geometry(states.t_ns[few], tow_s[few], satellites[:, few], there, ionosphere)
     return Expected(states.t_ns, states.clock_s[:, None, :], out[0], out[1], out[2], out[3:6], out[6], out[7])
 
 
-def _geometry(tow_s: Floats, satellites: Floats, points: Points, klobuchar: Klobuchar | None) -> list[Floats]:
+def _geometry(t_ns: Ints, tow_s: Floats, satellites: Floats, points: Points, ionosphere: Ionosphere | None) -> list[Floats]:
     """Range with its rate and half its acceleration, line of sight (east, north, up), elevation, azimuth; each (E, R, S)."""
-    x, y, z, vx, vy, vz, ax, ay, az, clock_s, clock_drift_sps, ionosphere = satellites
+    x, y, z, vx, vy, vz, ax, ay, az, clock_s, clock_drift_sps, dispersion = satellites
     x_r, y_r, z_r = (points.pos_ecef_m[..., i, None] for i in range(3))
     dx, dy, dz = x - x_r, y - y_r, z - z_r
     distance_m = np.sqrt(dx * dx + dy * dy + dz * dz)
@@ -145,15 +147,35 @@ def _geometry(tow_s: Floats, satellites: Floats, points: Points, klobuchar: Klob
     mapping, slope = troposphere_towards(np.where(low, LOWEST_MODELLED_SINE, up), np.where(low, LOWEST_MODELLED_COSINE, level))
     delay_m = points.zenith_delay_m[..., None] * mapping
     delay_mprad = delay_m * slope
-    if klobuchar is not None:
-        lat_rad, lon_rad = points.lat_rad[..., None], points.lon_rad[..., None]
-        el_air, sin_az, cos_az = np.maximum(el_rad, LOWEST_MODELLED_RAD), east / level_or_so, north / level_or_so
-        ionosphere_m = ionosphere * klobuchar_towards_m(tow_s, lat_rad, lon_rad, sin_az, cos_az, el_air, klobuchar)
+    if ionosphere is not None:
+        el_air = np.maximum(el_rad, LOWEST_MODELLED_RAD)
+        if isinstance(ionosphere, Klobuchar):
+            lat_rad, lon_rad = points.lat_rad[..., None], points.lon_rad[..., None]
+            l1_m = klobuchar_towards_m(tow_s, lat_rad, lon_rad, east / level_or_so, north / level_or_so, el_air, ionosphere)
+        else:
+            l1_m = _nequick_m(t_ns, x, y, z, points, ionosphere)
+        ionosphere_m = dispersion * l1_m
         delay_m = delay_m + ionosphere_m
         delay_mprad = delay_mprad + ionosphere_m * klobuchar_slope(el_air)
     range_m = distance_m + sagnac * (x * y_r - y * x_r) - SPEED_OF_LIGHT_MPS * clock_s + delay_m
     rate_mps = distance_mps + sagnac * (vx * y_r - vy * x_r) - SPEED_OF_LIGHT_MPS * clock_drift_sps + delay_mprad * el_rate_radps
     return [range_m, rate_mps, half_acc_mps2, east, north, up, el_rad, az_rad]
+
+
+def _nequick_m(t_ns: Ints, x: Floats, y: Floats, z: Floats, points: Points, ionosphere: GalileoIonosphere) -> Floats:
+    """Delay on L1 (E, R, S) by NeQuick-G, 40 us a ray; 0 below the horizon, which it does not model.
+
+    Its figures are loaded when first used. Coordinates of satellites are off by 7e-5 deg at their height: nothing of the delay.
+    """
+    from integrity.gnss.nequick.integration import Geodetic
+    from integrity.gnss.nequick.model import month_and_ut, nequick_delay_m
+
+    month, ut_s = month_and_ut(t_ns[:, None, None])
+    receiver = Geodetic(*(part[..., None] for part in (points.lat_rad, points.lon_rad, points.height_m)))
+    satellite = Geodetic(*geodetic_from_ecef(np.stack((x, y, z), axis=-1)))
+    delay_m = nequick_delay_m(month, ut_s, receiver, satellite, ionosphere)
+    result: Floats = np.where(np.isfinite(delay_m), delay_m, 0.0)
+    return result
 
 
 def range_sigma_m(el_rad: Floats, a_m: float, b_m: float, accuracy_m: Floats | float = URA_NOMINAL_M) -> Floats:
@@ -171,7 +193,7 @@ def positions(
     block: ObservationBlock,
     states: SatelliteStates,
     points: Points,
-    klobuchar: Klobuchar | None,
+    ionosphere: Ionosphere | None,
     first: Prefit,
     sigma_m: Floats,
     used: Bools,
@@ -183,11 +205,11 @@ def positions(
     Displacements and covariances stay in the axes of `points`; residuals of such epochs are not those of `first`.
     """
     of = design(first.los_enu, sigma_m, used & np.isfinite(first.residual_m), system_of, n_systems)
-    return relinearised(solution(of, first.residual_m), of, block, states, points, klobuchar)
+    return relinearised(solution(of, first.residual_m), of, block, states, points, ionosphere)
 
 
 def relinearised(
-    found: Solution, of: Design, block: ObservationBlock, states: SatelliteStates, points: Points, klobuchar: Klobuchar | None
+    found: Solution, of: Design, block: ObservationBlock, states: SatelliteStates, points: Points, ionosphere: Ionosphere | None
 ) -> Solution:
     """The solution `found` by a design; epochs in which a receiver is over 1 km away are linearised again where it is. See `positions`."""
     is_far: Bools = np.any(np.abs(found.e_enu_m) > RELINEARISE_BEYOND_M, axis=(1, 2))
@@ -200,7 +222,7 @@ def relinearised(
     pos = points.pos_ecef_m + _turn(np.swapaxes(points.enu, -1, -2), np.where(np.isfinite(e), e, 0.0))
     for _ in range(RELINEARISATIONS):
         there = points_at(pos)
-        again = prefit(block_far, states_far, there, klobuchar)
+        again = prefit(block_far, states_far, there, ionosphere)
         refined = solve(again.residual_m, again.los_enu, sigma_far, used_far, of.system_of, of.member.shape[1])
         step = refined.e_enu_m
         pos = pos + _turn(np.swapaxes(there.enu, -1, -2), np.where(np.isfinite(step), step, 0.0))

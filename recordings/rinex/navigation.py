@@ -13,10 +13,9 @@ from itertools import pairwise
 from pathlib import Path
 from typing import NamedTuple
 
-from integrity.gnss.atmosphere import Klobuchar
+from integrity.gnss.atmosphere import GalileoIonosphere, Klobuchar
 from integrity.gnss.ephemeris.broadcast import Ephemeris, KeplerEphemeris
 from integrity.gnss.gps_time import BDT_BEHIND_GPS_NS, NS_PER_S
-from integrity.gnss.navigation.inav import GalileoIonosphere
 from integrity.gnss.signals import SYSTEMS
 from recordings.rinex.navigation_fields import Record, begins_record, epoch_ns, numbers
 from recordings.rinex.navigation_kepler import kepler_of

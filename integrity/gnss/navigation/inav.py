@@ -6,8 +6,8 @@ Source: Galileo OS SIS ICD 2.1, 4.3.2 (pages and CRC), 4.3.4 and 4.3.5 (words), 
 """
 
 from functools import lru_cache
-from typing import NamedTuple
 
+from integrity.gnss.atmosphere import GalileoIonosphere
 from integrity.gnss.crc import crc24q
 from integrity.gnss.ephemeris.broadcast import KeplerEphemeris
 from integrity.gnss.gps_time import NS_PER_S, WEEK_NS, WEEK_S
@@ -125,18 +125,6 @@ NEQUICK = in_order(
     ("rest", plain(81)),
 )
 HEAD = Layout(128, {"word_type": Field((Part(0, 6),)), "issue": Field((Part(6, 10),))})
-
-
-class GalileoIonosphere(NamedTuple):
-    """Effective ionisation level of NeQuick-G in solar flux units: ai0 + ai1 mu + ai2 mu^2, mu the modified dip latitude in degrees.
-
-    `disturbed`: the storm flags of regions 1 to 5, region 1 the highest bit. Source: Galileo OS SIS ICD 2.1, 5.1.6 and 5.1.7.
-    """
-
-    ai0: float
-    ai1: float
-    ai2: float
-    disturbed: int
 
 
 def page_crc(page: int) -> int:

@@ -5,7 +5,7 @@ annex with verification data; April, all 108 rays. `INTEGRATED`: the reference p
 with its integration tolerances set from 1e-3 and 1e-2 to 1e-9; every month of the year.
 """
 
-from integrity.gnss.navigation.inav import GalileoIonosphere
+from integrity.gnss.atmosphere import GalileoIonosphere
 
 LEVELS = {
     "high": GalileoIonosphere(236.831641, -0.39362878, 0.00402826613, 0),

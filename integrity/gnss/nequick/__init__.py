@@ -1,0 +1,1 @@
+"""The ionosphere of Galileo's single-frequency users: NeQuick-G."""
