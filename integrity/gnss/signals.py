@@ -75,8 +75,12 @@ def satellite_of(signal: str) -> str:
 
 def time_scale_index(satellite: str) -> int:
     """Place of the satellite's clock in `TIME_SCALES`."""
-    scale = _TIME_SCALE_OF[satellite[0]]
-    return scale + 1 if satellite[0] == "C" and int(satellite[1:]) <= LAST_OF_BEIDOU_2 else scale
+    return _TIME_SCALE_OF[satellite[0]] + is_beidou_2(satellite)
+
+
+def is_beidou_2(satellite: str) -> bool:
+    """Whether it is one of BeiDou's second generation."""
+    return satellite[0] == "C" and int(satellite[1:]) <= LAST_OF_BEIDOU_2
 
 
 def bands_of(signal: str) -> tuple[str, ...]:

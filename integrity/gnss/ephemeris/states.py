@@ -12,7 +12,7 @@ from integrity.gnss.ephemeris.kepler import GEOSTATIONARY, NO_ORBIT, Parameters,
 from integrity.gnss.ephemeris.state_vectors import geo_states, glonass_states
 from integrity.gnss.gps_time import NS_PER_S
 from integrity.gnss.observations import Bools, Floats, Ints, freeze, slices
-from integrity.gnss.signals import L1_HZ, UNKNOWN_BAND, bands_of, carrier_hz, delay_band, ionosphere_free_weights
+from integrity.gnss.signals import L1_HZ, UNKNOWN_BAND, bands_of, carrier_hz, delay_band, ionosphere_free_weights, is_beidou_2
 
 _States = Callable[[list[Any], Ints, Ints], Floats]  # of sets of one kind
 DELAYS = 3  # bands with a group delay, at most
@@ -81,8 +81,14 @@ class Ephemerides(tuple[Ephemeris, ...]):
 
     @cached_property
     def accuracy_m(self) -> Floats:
-        """URA, SISA or F_T (n + 1,), m; NaN where nothing is promised."""
-        return np.array([*(np.nan if eph.accuracy_m is None else eph.accuracy_m for eph in self), np.nan])
+        """URA, SISA or F_T (n + 1,), m; NaN where nothing is promised.
+
+        Of BeiDou's second generation twice what it says: its satellites delay the code by a metre and more between horizon and zenith
+        (Wanninger and Beer, GPS Solutions 19, 2015), which no message tells.
+        """
+        return np.array(
+            [*(np.nan if eph.accuracy_m is None else eph.accuracy_m * (1 + is_beidou_2(eph.satellite)) for eph in self), np.nan]
+        )
 
     @cached_property
     def channel(self) -> Ints:
