@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 
@@ -13,7 +14,7 @@ from integrity.gnss.ephemeris.states import Ephemerides, SatelliteStates, accura
 from integrity.gnss.ephemeris.store import EphemerisStore
 from integrity.gnss.observations import Bools, Floats, Ints, Layout, ObservationBlock, build_block, layout_of
 from integrity.gnss.positioning import Expected, Points, Prefit, compared, expected, range_sigma_m, state_time_ns
-from integrity.gnss.signals import TIME_SCALES, first_codes_of, satellite_of, time_scale_index
+from integrity.gnss.signals import TIME_SCALES, bands_of, first_codes_of, preference, satellite_of, time_scale_index
 from integrity.limits import Limits
 from integrity.monitors.residuals import without_lone_satellites
 
@@ -122,12 +123,17 @@ def observe(
 
 
 def screen(block: ObservationBlock, at_points: Prefit, in_view: Bools, system_of: Ints, limits: Limits) -> Bools:
-    """The common set (E, S): one signal per satellite, in view, measured by all receivers, plausible, not too weak, not alone in its
-    constellation."""
+    """The common set (E, S): one signal per satellite, of one band per clock, in view, measured by all receivers, plausible, not too weak,
+    not alone in its constellation."""
     low_m, high_m = limits.pseudorange_range_m
     rho, cn0 = block.pseudorange_m, block.cn0_dbhz
     good = (rho >= low_m) & (rho <= high_m) & ~(cn0 < limits.min_cn0_dbhz) & np.isfinite(at_points.residual_m)
     screened: Bools = good.all(axis=1) & in_view
+    for bands in _bands_by_clock(block.signals):
+        count = np.stack([screened[:, columns].sum(axis=1) for columns in bands])
+        chosen = count.argmax(axis=0)  # the preferred one of equals
+        for k, columns in enumerate(bands):
+            screened[:, columns] &= (chosen == k)[:, None]
     first = 0
     for s in range(1, len(block.satellites)):
         if block.satellites[s] != block.satellites[first]:
@@ -135,3 +141,17 @@ def screen(block: ObservationBlock, at_points: Prefit, in_view: Bools, system_of
         else:
             screened[:, s] &= ~screened[:, first:s].any(axis=1)
     return without_lone_satellites(screened, system_of, len(TIME_SCALES))
+
+
+@lru_cache(maxsize=256)
+def _bands_by_clock(signals: tuple[str, ...]) -> tuple[tuple[list[int], ...], ...]:
+    """Of each clock with signals of several bands (B1I and B3I), their columns by band, the preferred band first.
+
+    Receivers delay bands differently, by metres that no message tells: where one lacks a signal, another band of that satellite alone
+    would look like a fault of the satellite.
+    """
+    clocks: dict[int, dict[str, list[int]]] = {}
+    for column in sorted(range(len(signals)), key=lambda s: preference(signals[s])[1:]):
+        bands = clocks.setdefault(time_scale_index(satellite_of(signals[column])), {})
+        bands.setdefault(bands_of(signals[column])[0], []).append(column)
+    return tuple(tuple(bands.values()) for bands in clocks.values() if len(bands) > 1)

@@ -9,11 +9,13 @@ from math import isfinite
 from typing import Literal
 
 from integrity.gnss.gps_time import DAY_S, NS_PER_S
-from integrity.gnss.signals import BAND_HZ, GLONASS_CHANNELS, SYSTEMS
+from integrity.gnss.signals import BAND_HZ, GLONASS_CHANNELS
 
 KeplerMessage = Literal["LNAV", "INAV", "FNAV", "D1", "D2"]
 MESSAGES: dict[str, tuple[KeplerMessage, ...]] = {"G": ("LNAV",), "J": ("LNAV",), "E": ("INAV", "FNAV"), "C": ("D1", "D2")}
 MOST_ACCURACY_M = 6144.0
+# Satellites that a system can have: PRN, slot (those beyond 24 are on test), PRN less 192 and less 100.
+NUMBERS = {"G": range(1, 33), "E": range(1, 37), "C": range(1, 64), "R": range(1, 33), "J": range(1, 11), "S": range(20, 59)}
 
 
 @dataclass(frozen=True)
@@ -172,7 +174,8 @@ PLAUSIBLE_GEO: dict[str, tuple[float, float]] = _VECTORS | {
 
 
 def _implausibility(eph: Ephemeris, plausible: dict[str, tuple[float, float]]) -> str | None:
-    if eph.satellite[:1] not in SYSTEMS or not (len(eph.satellite) == 3 and eph.satellite[1:].isdigit()):
+    system, number = eph.satellite[:1], eph.satellite[1:]
+    if not (len(number) == 2 and number.isdecimal() and int(number) in NUMBERS.get(system, ())):
         return f"satellite {eph.satellite!r}, expected a name like G05 or E11"
     values = {name: value for name in plausible if (value := getattr(eph, name)) is not None}
     if not all(isfinite(value) for value in values.values()) or not isfinite(eph.accuracy_m or 0.0):

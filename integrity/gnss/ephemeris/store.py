@@ -13,10 +13,14 @@ from integrity.gnss.ephemeris.states import Ephemerides
 from integrity.gnss.gps_time import NS_PER_S
 from integrity.gnss.observations import Ints
 
+MANY_EPOCHS = 32  # from so many on, arrays are faster
+MOST_TIME_NS = 2**62  # of GPS, 146 years
+
 
 class _Sets(NamedTuple):
     """The sets of one satellite by when their use begins: index into the ephemerides, first and last GPS time of use, precedence (the
-    highest serves first). `longest_ns` is the longest use of any; `in_order` where precedence grows with the beginning, as it should."""
+    highest serves first). `longest_ns` is the longest use of any; `in_order` where precedence grows with the beginning, as it should, and
+    `tidy` where arrival and the end of use do so, too."""
 
     number: list[int]
     begin_ns: list[int]
@@ -24,6 +28,7 @@ class _Sets(NamedTuple):
     precedence: list[int]
     longest_ns: int
     in_order: bool
+    tidy: bool
 
     def serving_first(self, first_ns: int, last_ns: int) -> Iterator[int]:
         """Places of those that may be used between two times, the one that serves first first: one or two steps from where it is found."""
@@ -78,13 +83,18 @@ class EphemerisStore:
         when each epoch was complete. Each set serves a run of epochs, found by searches, less what those that serve before it take.
         """
         times_ns, counts = epoch_ns.tolist(), arrived.tolist()
+        many = len(times_ns) >= MANY_EPOCHS
         index = np.full((len(satellites), len(times_ns)), -1, dtype=np.int64)
         chosen: dict[str, Ints] = {}
         for row, satellite in zip(index, satellites, strict=True):
             if satellite in chosen:
                 row[:] = chosen[satellite]
             elif satellite in self._numbers and times_ns:
-                _choose(self._sets_of(satellite), times_ns, counts, row)
+                sets = self._sets_of(satellite)
+                if many and sets.tidy:
+                    row[:] = _choose_among_tidy(sets, epoch_ns, arrived)
+                else:
+                    _choose(sets, times_ns, counts, row)
                 chosen[satellite] = row
         return np.ascontiguousarray(index.T)
 
@@ -108,13 +118,17 @@ def _in_order(ephemerides: Ephemerides, mine: Sequence[int]) -> _Sets:
     half_ns = {k: round(ephemerides[k].fit_half_s * NS_PER_S) for k in mine}
     order = sorted(mine, key=lambda k: (ephemerides[k].toe_ns - half_ns[k], precedence[k]))
     ranks = [precedence[k] for k in order]
+    begin_ns, end_ns = ([ephemerides[k].toe_ns + sign * half_ns[k] for k in order] for sign in (-1, 1))
+    in_order = all(a < b for a, b in pairwise(ranks))
+    arrays_hold_them = all(abs(t) <= MOST_TIME_NS for t in begin_ns + end_ns)
     return _Sets(
         number=order,
-        begin_ns=[ephemerides[k].toe_ns - half_ns[k] for k in order],
-        end_ns=[ephemerides[k].toe_ns + half_ns[k] for k in order],
+        begin_ns=begin_ns,
+        end_ns=end_ns,
         precedence=ranks,
         longest_ns=2 * max(half_ns.values()),
-        in_order=all(a < b for a, b in pairwise(ranks)),
+        in_order=in_order,
+        tidy=in_order and arrays_hold_them and all(a < b for a, b in pairwise(order)) and all(a <= b for a, b in pairwise(end_ns)),
     )
 
 
@@ -129,6 +143,14 @@ def _choose(sets: _Sets, times_ns: list[int], arrived: list[int], row: Ints) -> 
         free -= int(np.count_nonzero(empty))
         if not free:
             return
+
+
+def _choose_among_tidy(sets: _Sets, epoch_ns: Ints, arrived: Ints) -> Ints:
+    """The same (E,) for many epochs: of the sets whose use had begun and that had arrived the last serves, if its use has not ended."""
+    number, begin_ns, end_ns = (np.array(values, dtype=np.int64) for values in (sets.number, sets.begin_ns, sets.end_ns))
+    last = np.minimum(np.searchsorted(begin_ns, epoch_ns, "right"), np.searchsorted(number, arrived, "left")) - 1
+    found: Ints = np.where((last >= 0) & (epoch_ns <= end_ns[last]), number[last], -1)
+    return found
 
 
 def _precedence(eph: Ephemeris) -> tuple[int | bool | float, ...]:
