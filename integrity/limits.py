@@ -22,7 +22,8 @@ from integrity.states import Outcome
 from integrity.triangle import ReferenceTriangle
 
 YEAR_S = 31_557_600.0
-SATELLITES_AT_ONCE = 20  # own choice: ten of each of two constellations share the budget of the checks per satellite
+# Of each system, satellites at once above 5 deg where most of them are: they share the budget of the checks per satellite. Own count.
+MOST_IN_VIEW = {"GPS": 13, "Galileo": 11, "BeiDou": 25, "QZSS": 5, "GLONASS": 11}
 REFERENCE_ELEVATION_RAD = np.deg2rad(45.0)  # for the smallest faults per satellite that `check` prints
 
 
@@ -168,7 +169,8 @@ def derive(site: SiteConfig, triangle: ReferenceTriangle) -> Limits:
     reason = f"all receivers see one transmitter; the triangle is {separation:.0f} sigma of S away from that"
     add("collapse", k_collapse, "sigma", p_two_sided / 2.0, k_collapse + k_md, "sigma between triangle and point", reason, "2.6, S", full)
 
-    p = tail(exclusions / SATELLITES_AT_ONCE, 1, a_common)
+    satellites = sum(MOST_IN_VIEW[system] for system in promises.systems)
+    p = tail(exclusions / satellites, 1, a_common)
     k_residual = sqrt(chi2_quantile(p, 1))
     sin_el = np.sin(REFERENCE_ELEVATION_RAD)
     sigma_range = sqrt(promises.sigma_range_m**2 + (promises.sigma_range_low_m / sin_el) ** 2)
@@ -176,7 +178,7 @@ def derive(site: SiteConfig, triangle: ReferenceTriangle) -> Limits:
     reason = "smallest of the receivers' normalised residuals of one satellite: what all of them see"
     add("residual", k_residual, "sigma", p, fault, "m of range, 45 deg, URA 2.4 m", reason, "2.4; 4", full)
 
-    p = tail(share / (SATELLITES_AT_ONCE * n), 1, a_differential)
+    p = tail(share / (satellites * n), 1, a_differential)
     k_b = sqrt(chi2_quantile(p, 1))
     sigma_range_d = sqrt(promises.sigma_range_differential_m**2 + (promises.sigma_range_differential_low_m / sin_el) ** 2)
     fault = (k_b + k_md) * sigma_range_d / sqrt(n * (n - 1)) * n

@@ -11,7 +11,7 @@ from integrity.config import IntegrityConfig, ReceiverConfig, SiteConfig
 from integrity.errors import ConfigError
 from integrity.gnss.frames import ecef_from_geodetic, enu_axes
 from integrity.gnss.gps_time import NS_PER_S
-from integrity.limits import SATELLITES_AT_ONCE, YEAR_S, Limits, alignment_tolerance_ns, collapse_separation
+from integrity.limits import MOST_IN_VIEW, YEAR_S, Limits, alignment_tolerance_ns, collapse_separation
 from integrity.probability import chi2_quantile, detectable_noncentrality, exceeds_again
 from integrity.triangle import reference_triangle
 from tests.unit.streams import LIMITS, SITE, a_site, limits_of
@@ -63,7 +63,8 @@ def alarms_a_year(name: str, site: SiteConfig, limits: Limits) -> float:
     p = limits.by_name[name].false_alarm_probability * (2.0 if name == "collapse" else 1.0)
     assert chi2_quantile(p, dof) == pytest.approx(value, rel=1e-9)
     sides = 0.5 if name == "collapse" else 1.0  # only towards the point
-    members = {"residual": SATELLITES_AT_ONCE, "b_value": SATELLITES_AT_ONCE * 3}.get(name, 1)
+    satellites = sum(MOST_IN_VIEW[system] for system in SITE.integrity.systems)
+    members = {"residual": satellites, "b_value": satellites * 3}.get(name, 1)
     return sides * members * looks * p * (1.0 - exceeds_again(value, dof, correlation(name, site)))
 
 
