@@ -21,7 +21,7 @@ from integrity.gnss.signals import MONITORED_CODES, TIME_SCALES, Codes, time_sca
 
 EARTH_RADIUS_M = 6_371_000.0
 EVERYWHERE_RAD = -np.pi / 2  # a mask that nothing is below
-FIRST_EPOCHS = 10
+EPOCHS_TRIED = 10
 
 
 class Weights(NamedTuple):
@@ -68,7 +68,7 @@ def solved(
     """A track for each block of one receiver.
 
     Positions are linearised at the given point, or where the receiver was last, once it is over 1 km away; within a block again where
-    it is that far. Without a point, the first epoch that can be solved finds one.
+    it is that far. Without a point, an epoch with as many satellites as any finds one.
     """
     points = None if approx_position_ecef_m is None else points_at(np.array([approx_position_ecef_m], dtype=np.float64))
     for block in blocks:
@@ -76,17 +76,16 @@ def solved(
         chosen = _one_signal_each(block, codes, order)
         index = sky.choose(chosen.satellites, chosen.epoch_ns)
         states = satellite_states(sky.store.ephemerides, index, state_time_ns(chosen.epoch_ns), chosen.signals)
-        if points is None:
-            points = _found(chosen, index, sky, weights)
-        if points is None:
+        start = _found(chosen, index, sky, weights) if points is None else points
+        if start is None:
             yield _nowhere(block.epoch_ns)
             continue
-        track = _track(chosen, states, index, sky, weights, points)
+        track = _track(chosen, states, index, sky, weights, start)
         known = np.flatnonzero(track.why == Unsolved.SOLVED)
         if len(known):
             last_m = track.pos_ecef_m[known[-1]]
-            if np.abs(last_m - points.pos_ecef_m[0, 0]).max() > RELINEARISE_BEYOND_M:
-                points = points_at(last_m[None])
+            away_m = np.abs(last_m - start.pos_ecef_m[0, 0]).max()
+            points = points_at(last_m[None]) if away_m > RELINEARISE_BEYOND_M else start
         back = np.argsort(order)
         yield Track(track.time_ns[back], track.pos_ecef_m[back], track.n_used[back], track.why[back])
 
@@ -132,15 +131,21 @@ def _track(block: ObservationBlock, states: SatelliteStates, index: Ints, sky: S
 
 
 def _found(block: ObservationBlock, index: Ints, sky: Sky, weights: Weights) -> Points | None:
-    """Where the receiver is at the first epoch that can be solved, from anywhere below its satellites; None where none can."""
+    """Where the receiver is, from below the satellites of the epochs that have most; if none of these can be solved, below those of the
+    first of them: then each epoch shall say for itself why it cannot. None where no satellite was seen."""
     seen = np.isfinite(block.pseudorange_m[:, 0]) & usable(sky.store.ephemerides, index)
-    for e in np.flatnonzero(seen.sum(axis=1) > len(TIME_SCALES))[:FIRST_EPOCHS].tolist():
+    count = seen.sum(axis=1)
+    anywhere = None
+    for e in np.argsort(-count, kind="stable")[:EPOCHS_TRIED].tolist():
+        if not count[e]:
+            break
         few = slice(e, e + 1)
         one = replace(block, **{name: getattr(block, name)[few] for name in ("epoch_ns", "receive_time_ns", *ROW_ARRAYS)})
         states = satellite_states(sky.store.ephemerides, index[few], state_time_ns(one.epoch_ns), one.signals)
         below = states.pos_ecef_m[:, 0, seen[e]].mean(axis=1)
-        point = EARTH_RADIUS_M * below / np.sqrt((below * below).sum())
-        track = _track(one, states, index[few], sky, weights._replace(mask_rad=EVERYWHERE_RAD), points_at(point[None]))
+        point = points_at((EARTH_RADIUS_M * below / np.sqrt((below * below).sum()))[None])
+        track = _track(one, states, index[few], sky, weights._replace(mask_rad=EVERYWHERE_RAD), point)
         if track.why[0] == Unsolved.SOLVED:
             return points_at(track.pos_ecef_m)
-    return None
+        anywhere = anywhere or point
+    return anywhere

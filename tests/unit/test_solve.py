@@ -67,3 +67,35 @@ def test_a_later_ephemeris_serves_where_none_had_come(tmp_path: Path) -> None:
     late = [replace(eph, transmission_ns=eph.transmission_ns + 86_400 * 10**9) for eph in EPHEMERIDES]
     (found,) = solved([block(tmp_path)], Sky(late, KLOBUCHAR), WEIGHTS, POSITION_ECEF_M.tolist())
     assert (found.why == Unsolved.SOLVED).all()
+
+
+def with_ranges(of: ObservationBlock, pseudorange_m: np.ndarray[tuple[int, ...], np.dtype[np.float64]]) -> ObservationBlock:
+    return replace(of, pseudorange_m=pseudorange_m)
+
+
+def test_a_start_is_found_after_many_epochs_of_nonsense(tmp_path: Path) -> None:
+    of = block(tmp_path)
+    ranges = of.pseudorange_m.copy()
+    ranges[:15] = np.linspace(1e8, 1e7, ranges.shape[2])
+    ranges[:15, :, -1] = np.nan
+    assert (track(with_ranges(of, ranges), start=None).why == Unsolved.SOLVED).tolist() == [False] * 15 + [True] * 5
+
+
+def test_a_start_is_found_from_four_satellites(tmp_path: Path) -> None:
+    of = block(tmp_path)
+    ranges = np.full(of.pseudorange_m.shape, np.nan)
+    gps = [s for s, satellite in enumerate(of.satellites) if satellite[0] == "G"][:4]
+    ranges[..., gps] = of.pseudorange_m[..., gps]
+    found = track(with_ranges(of, ranges), start=None)
+    assert np.linalg.norm(found.pos_ecef_m - POSITION_ECEF_M, axis=1).max() < 50.0
+
+
+def test_where_no_start_is_found_each_epoch_says_why(tmp_path: Path) -> None:
+    """Ranges of nowhere in the even epochs, three satellites in the odd ones."""
+    of = block(tmp_path)
+    ranges = of.pseudorange_m.copy()
+    ranges[::2] = np.linspace(1e7, 1e8, ranges.shape[2])[::-1]
+    ranges[1::2, :, 3:] = np.nan
+    found = track(with_ranges(of, ranges), start=None)
+    assert {*found.why[::2].tolist()} <= {Unsolved.DIVERGED, Unsolved.POOR_GEOMETRY}
+    assert (found.why[1::2] == Unsolved.TOO_FEW_SATELLITES).all()

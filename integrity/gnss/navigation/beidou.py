@@ -202,7 +202,8 @@ def d2_ephemeris_of(satellite: str, pages: Sequence[int], near_ns: int) -> Keple
 
 
 def _ephemeris_of(satellite: str, message: KeplerMessage, subframes: Sequence[int], near_ns: int) -> KeplerEphemeris | None:
-    """Its transmission began with the first subframe; `near_ns` is a GPS time within 4,096 weeks. None where a reference time is beyond the week.
+    """Its transmission began with the first subframe; `near_ns` is a GPS time within 4,096 weeks. None where a reference time
+    is beyond the week.
 
     No issue binds the pages of BeiDou, which is why they must be of one frame: sets change between frames only (5.2.4.2). `issue` is AODE,
     as in RINEX and RTCM 3; it says how old the data behind the orbit were, and is often the same in sets that follow each other.

@@ -75,7 +75,8 @@ PAGES = {1: PAGE_1, 2: PAGE_2, 3: PAGE_3, 4: PAGE_4}
 
 @lru_cache(maxsize=HEARD_AT_ONCE)
 def page_of(words: tuple[int, ...]) -> int | None:
-    """The 214 bits of data of a page from eight words of RXM-SFRBX; None where CRC or time cannot be right. Tail and filling are not looked at."""
+    """The 214 bits of data of a page from eight words of RXM-SFRBX; None where CRC or time cannot be right. Tail and filling are not
+    looked at."""
     if len(words) != WORDS:
         return None
     page = 0

@@ -152,10 +152,10 @@ def subframe_of(words: tuple[int, ...]) -> int | None:
 
 
 def ephemeris_of(satellite: str, one: int, two: int, three: int, near_ns: int) -> KeplerEphemeris | None:
-    """The set that subframes 1, 2 and 3 make up; None where their issues differ or a reference time is beyond the week. Its transmission began with subframe 1.
+    """The set that subframes 1, 2 and 3 make up; None where their issues differ or a reference time is beyond the week.
 
-    `near_ns` is a GPS time within 512 weeks. Where a subframe raises the alert flag, no accuracy is promised (20.3.3.2). A set of QZSS that
-    says no group delay is none: its clock serves no signal alone.
+    Its transmission began with subframe 1. `near_ns` is a GPS time within 512 weeks. Where a subframe raises the alert flag, no accuracy is
+    promised (20.3.3.2). A set of QZSS that says no group delay is none: its clock serves no signal alone.
     """
     iodc, iode = SUBFRAME_1.integer(one, "iodc"), SUBFRAME_2.integer(two, "iode")
     if not iodc & 0xFF == iode == SUBFRAME_3.integer(three, "iode"):

@@ -54,6 +54,8 @@ def test_a_parameter_beyond_all_measure_is_implausible(kind: str, name: str, val
         ("GPS", {"message": "INAV"}, "message INAV"),
         ("Galileo I/NAV", {"message": "D1"}, "message D1"),
         ("GPS", {"satellite": "G5"}, "satellite 'G5'"),
+        ("GPS", {"satellite": "G33"}, "satellite 'G33'"),
+        ("SBAS", {"satellite": "S05"}, "satellite 'S05'"),
         ("GLONASS", {"channel": 7}, "channel 7"),
         ("GLONASS", {"channel": -8}, "channel -8"),
         ("GLONASS", {"ax_mps2": 1.5e-5}, "ax_mps2 = "),

@@ -82,7 +82,8 @@ def visible(whole: Scene, columns: Ints) -> Scene:
     }
     names: dict[str, Any] = {n: tuple(getattr(b, n)[i] for i in columns) for n in ("signals", "satellites")}
     states = SatelliteStates(
-        s.t_ns, *(getattr(s, n)[..., columns] for n in ("pos_ecef_m", "vel_ecef_mps", "acc_ecef_mps2", "clock_s", "clock_drift_sps", "ionosphere"))
+        s.t_ns,
+        *(getattr(s, n)[..., columns] for n in ("pos_ecef_m", "vel_ecef_mps", "acc_ecef_mps2", "clock_s", "clock_drift_sps", "ionosphere")),
     )
     return Scene(replace(b, **arrays, **names), states, whole.points, whole.system_of[columns])
 

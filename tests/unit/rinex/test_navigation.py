@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from integrity.errors import DecodeError
-from integrity.gnss.navigation.inav import GalileoIonosphere
+from integrity.gnss.atmosphere import GalileoIonosphere
 from tests import rinex_examples as example
 from tests.unit.rinex.navigation_files import HEADER_2, HEADER_3, HEADER_3_05, header, read, record, record_2
 

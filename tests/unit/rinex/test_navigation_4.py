@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 
 from integrity.gnss.atmosphere import Klobuchar
-from integrity.gnss.navigation.inav import GalileoIonosphere
+from integrity.gnss.atmosphere import GalileoIonosphere
 from tests import rinex_examples as example
 from tests.unit.rinex.navigation_files import HEADER_4, read, record, record_4
 

@@ -165,3 +165,10 @@ def test_the_set_from_the_air_is_geostationary() -> None:
     assert eph is not None
     assert eph.implausibility() is None
     assert eph.sqrt_a**2 == pytest.approx(42_164_000.0, abs=10_000.0)  # m: BDS-SIS-ICD B1I 3.0, 3.1
+
+
+@BOTH
+@pytest.mark.parametrize("name", ["toe_8s", "toc_8s"])
+@pytest.mark.parametrize(("steps", "is_a_set"), [(75_599, True), (75_600, False), (131_071, False)])  # a week has 75,600
+def test_a_reference_time_beyond_the_week_makes_no_set(eph: KeplerEphemeris, name: str, steps: int, is_a_set: bool) -> None:
+    assert (with_field(eph, **{name: steps}) is not None) == is_a_set

@@ -52,7 +52,9 @@ def next_issue(eph: Ephemeris) -> Ephemeris:
     transmission_ns = eph.transmission_ns + FRAME_NS
     if isinstance(eph, GlonassEphemeris):
         toe_ns = eph.toe_ns + 1800 * NS_PER_S
-        return replace(eph, transmission_ns=transmission_ns, issue=eph.issue + 2, toe_ns=toe_ns, x_m=-eph.x_m, tau_n_s=-eph.tau_n_s)
+        return replace(
+            eph, transmission_ns=transmission_ns, issue=eph.issue + 2, toe_ns=toe_ns, x_m=-eph.x_m, vx_mps=-eph.vx_mps, tau_n_s=-eph.tau_n_s
+        )
     assert isinstance(eph, KeplerEphemeris)
     issue = eph.issue if eph.message in OF_FRAMES else (eph.issue + 1) % 240
     return replace(eph, transmission_ns=transmission_ns, issue=issue, m0=-eph.m0, crs=-eph.crs)
@@ -267,3 +269,12 @@ def test_the_eventful_stream_tells_each_change(eph: Ephemeris) -> None:
 def test_a_damaged_snapshot_is_refused(satellite: str, number: int, data: bytes) -> None:
     with pytest.raises(DecodeError, match="snapshot is damaged"):
         NavigationCollector([Page(satellite, number, data)])
+
+
+@pytest.mark.parametrize("name", ["LNAV", "QZSS", "INAV", "FNAV"])
+def test_a_page_with_a_wrong_time_does_not_hide_the_right_one(name: str) -> None:
+    eph = SETS[name]
+    wrong = page(later(eph, HOUR_NS), timed_page(eph), eph.transmission_ns)
+    assert told(collecting(), [wrong, *[p for p in pages(eph) if p[0] != page(eph, timed_page(eph))[0]]]) == []
+    arrivals = [wrong, *[page(eph, n, eph.transmission_ns) for n in page_numbers(eph) if n != timed_page(eph)], *pages(eph)]
+    assert told(collecting(), arrivals) == [eph]

@@ -96,3 +96,15 @@ def test_the_week_is_the_one_near_a_known_time(at_ns: int, near_weeks: int) -> N
 def test_reference_times_are_within_half_a_week_of_the_transmission(toe_ns: int) -> None:
     sent = replace(EPH, toe_ns=toe_ns, toc_ns=toe_ns, transmission_ns=gps_from_week(2409, 600.0))
     assert decoded(fnav_pages(sent), sent.transmission_ns) == sent
+
+
+@pytest.mark.parametrize(("number", "name"), [(1, "toc_60s"), (3, "toe_60s")])
+@pytest.mark.parametrize(("steps", "is_a_set"), [(10_079, True), (10_080, False), (16_383, False)])  # a week has 10,080
+def test_a_reference_time_beyond_the_week_makes_no_set(number: int, name: str, steps: int, is_a_set: bool) -> None:
+    assert (with_field(number, name, steps) is not None) == is_a_set
+
+
+@pytest.mark.parametrize(("tow_s", "is_a_page"), [(WEEK_S - 1, True), (WEEK_S, False)])
+def test_page_1_of_a_time_beyond_the_week_is_none(tow_s: int, is_a_page: bool) -> None:
+    page = fnav_pages(EPH)[1] & ~fnav.PAGE_1.mask("tow_s") | fnav.PAGE_1.message({"tow_s": tow_s})
+    assert (fnav.page_of(fnav_words(page)) is not None) == is_a_page

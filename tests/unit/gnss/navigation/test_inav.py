@@ -153,3 +153,15 @@ def test_the_crc_covers_the_reserve_that_e5b_sends_for_osnma_and_rescue() -> Non
 def test_the_ionosphere_stands_in_word_5(bits: str, expected: inav.GalileoIonosphere) -> None:  # table of the ionospheric correction
     five = sent_words()[4] & ~inav.WORD_5.mask("ionosphere") | inav.WORD_5.message({"ionosphere": int(bits, 2)})
     assert inav.nequick_of(five) == expected
+
+
+@pytest.mark.parametrize(("number", "name"), [(1, "toe_60s"), (4, "toc_60s")])
+@pytest.mark.parametrize(("steps", "is_a_set"), [(10_079, True), (10_080, False), (16_383, False)])  # a week has 10,080
+def test_a_reference_time_beyond_the_week_makes_no_set(number: int, name: str, steps: int, is_a_set: bool) -> None:
+    assert (with_field(number, name, steps) is not None) == is_a_set
+
+
+@pytest.mark.parametrize(("tow_s", "is_a_word"), [(WEEK_S - 1, True), (WEEK_S, False)])
+def test_word_5_of_a_time_beyond_the_week_is_none(tow_s: int, is_a_word: bool) -> None:
+    word = altered(inav.WORD_5, sent_words()[4], "tow_s", tow_s)
+    assert (inav.word_of(page_words(word)) is not None) == is_a_word

@@ -154,3 +154,11 @@ def test_the_last_bit_of_health_of_qzss_is_of_another_signal(health: int, health
 @pytest.mark.parametrize(("bits", "is_a_set"), [(0x80, False), (0x81, True), (0x7F, True)])
 def test_without_a_group_delay_qzss_has_no_set(bits: int, is_a_set: bool) -> None:
     assert (of_qzss(1, "group_delay_s", bits) is not None) == is_a_set
+
+
+@pytest.mark.parametrize(("number", "name"), [(1, "toc_16s"), (2, "toe_16s")])
+@pytest.mark.parametrize(("steps", "is_a_set"), [(37_799, True), (37_800, False), (65_535, False)])  # a week has 37,800; table 20-III
+def test_a_reference_time_beyond_the_week_makes_no_set(number: int, name: str, steps: int, is_a_set: bool) -> None:
+    messages = subframes()
+    messages[number] = altered(LAYOUTS[number], messages[number], name, steps)
+    assert (lnav.ephemeris_of(EPH.satellite, messages[1], messages[2], messages[3], START_NS) is not None) == is_a_set
