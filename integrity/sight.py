@@ -13,7 +13,7 @@ from integrity.gnss.atmosphere import Klobuchar
 from integrity.gnss.ephemeris.states import Ephemerides, SatelliteStates, accuracy_m, satellite_states, usable
 from integrity.gnss.ephemeris.store import EphemerisStore
 from integrity.gnss.observations import Bools, Floats, Ints, Layout, ObservationBlock, build_block, layout_of
-from integrity.gnss.positioning import Expected, Points, Prefit, compared, expected, range_sigma_m, state_time_ns
+from integrity.gnss.positioning import Expected, Points, Prefit, compared, expected, range_accuracy_m, range_sigma_m, state_time_ns
 from integrity.gnss.signals import TIME_SCALES, bands_of, first_codes_of, preference, satellite_of, time_scale_index
 from integrity.limits import Limits
 from integrity.monitors.residuals import without_lone_satellites
@@ -75,6 +75,7 @@ def sky_of(
     promises = site.integrity
     el_rad = seen.el_rad.mean(axis=1)
     healthy = usable(ephemerides, index)
+    promised_m = range_accuracy_m(states, accuracy_m(ephemerides, index))
     return Sky(
         ephemerides,
         signals,
@@ -85,7 +86,7 @@ def sky_of(
         healthy=healthy,
         in_view=(seen.el_rad >= limits.elevation_mask_rad).all(axis=1) & healthy,
         high=(seen.el_rad >= limits.loss_elevation_rad) & healthy[:, None, :],
-        sigma_m=range_sigma_m(el_rad, promises.sigma_range_m, promises.sigma_range_low_m, accuracy_m(ephemerides, index)),
+        sigma_m=range_sigma_m(el_rad, promises.sigma_range_m, promises.sigma_range_low_m, promised_m),
         sigma_differential_m=range_sigma_m(el_rad, promises.sigma_range_differential_m, promises.sigma_range_differential_low_m),
         system_of=np.array([time_scale_index(s) for s in satellites], dtype=np.int64),
     )

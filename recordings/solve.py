@@ -16,7 +16,16 @@ from integrity.gnss.ephemeris.states import SatelliteStates, accuracy_m, satelli
 from integrity.gnss.ephemeris.store import EphemerisStore
 from integrity.gnss.least_squares import Unsolved
 from integrity.gnss.observations import ROW_ARRAYS, Floats, Ints, ObservationBlock
-from integrity.gnss.positioning import RELINEARISE_BEYOND_M, Points, points_at, positions, prefit, range_sigma_m, state_time_ns
+from integrity.gnss.positioning import (
+    RELINEARISE_BEYOND_M,
+    Points,
+    points_at,
+    positions,
+    prefit,
+    range_accuracy_m,
+    range_sigma_m,
+    state_time_ns,
+)
 from integrity.gnss.signals import MONITORED_CODES, TIME_SCALES, Codes, time_scale_index
 
 EARTH_RADIUS_M = 6_371_000.0
@@ -122,7 +131,7 @@ def _one_signal_each(block: ObservationBlock, codes: Codes, order: Ints) -> Obse
 def _track(block: ObservationBlock, states: SatelliteStates, index: Ints, sky: Sky, weights: Weights, points: Points) -> Track:
     ephemerides = sky.store.ephemerides
     first = prefit(block, states, points, sky.ionosphere)
-    sigma_m = range_sigma_m(first.el_rad, weights.a_m, weights.b_m, accuracy_m(ephemerides, index)[:, None])
+    sigma_m = range_sigma_m(first.el_rad, weights.a_m, weights.b_m, range_accuracy_m(states, accuracy_m(ephemerides, index))[:, None])
     used = (first.el_rad >= weights.mask_rad) & usable(ephemerides, index)[:, None]
     system_of = np.array([time_scale_index(s) for s in block.satellites], dtype=np.int64)
     found = positions(block, states, points, sky.ionosphere, first, sigma_m, used, system_of, len(TIME_SCALES))

@@ -178,6 +178,13 @@ def _nequick_m(t_ns: Ints, x: Floats, y: Floats, z: Floats, points: Points, iono
     return result
 
 
+def range_accuracy_m(states: SatelliteStates, accuracy_m: Floats) -> Floats:
+    """The accuracy (E, S) that ranges of a block's signals are weighted by, m: URA or SISA, larger as the ionosphere delays the signal more
+    than L1 (B3I 1.54 times): most of a range's error is what the model leaves of that delay."""
+    accuracy: Floats = accuracy_m * np.maximum(states.ionosphere, 1.0)
+    return accuracy
+
+
 def range_sigma_m(el_rad: Floats, a_m: float, b_m: float, accuracy_m: Floats | float = URA_NOMINAL_M) -> Floats:
     """Standard deviation of a range, m: (URA / 2.4 m) sqrt(a^2 + (b / sin el)^2); shape of el_rad.
 

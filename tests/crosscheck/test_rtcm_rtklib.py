@@ -247,7 +247,9 @@ def test_glonass_sets_that_we_encode(seed: int, rtklib: ModuleType) -> None:
     rng = np.random.default_rng(seed)
     direction = rng.normal(size=3)
     x_m, y_m, z_m = (25.5e6 * direction / math.sqrt(float(np.sum(direction**2)))).tolist()
-    rates = dict(zip(("vx_mps", "vy_mps", "vz_mps"), rng.uniform(-3500.0, 3500.0, 3).tolist(), strict=True))
+    level = np.cross(direction, rng.normal(size=3))  # nearly circular orbits neither rise nor sink
+    speeds = (3500.0 * level / math.sqrt(float(np.sum(level**2)))).tolist()
+    rates = dict(zip(("vx_mps", "vy_mps", "vz_mps"), speeds, strict=True))
     sent = GlonassEphemeris(
         satellite="R09",
         channel=int(rng.integers(-7, 7)),

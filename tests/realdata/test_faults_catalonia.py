@@ -183,8 +183,8 @@ def high_satellites(case: Case) -> list[str]:
     elevations: dict[str, list[float]] = {}
     for run in runs(seen for seen in truth.rows if seen.epoch_ns >= start_ns):
         for seen, el_rad in zip(run, elevations_rad(truth, run), strict=True):
-            for signal, el in zip(seen.row.signals, el_rad, strict=True):
-                elevations.setdefault(signal[:3], []).append(float(el))
+            for satellite, el in dict(zip((signal[:3] for signal in seen.row.signals), el_rad, strict=True)).items():
+                elevations.setdefault(satellite, []).append(float(el))
     high = [s for s, els in elevations.items() if len(els) == 3 * FAULTY_EPOCHS and min(els) > LOWEST_RAD]
     assert len(high) >= 4
     return high

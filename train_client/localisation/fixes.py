@@ -13,7 +13,7 @@ from integrity.gnss.atmosphere import Klobuchar
 from integrity.gnss.ephemeris.states import Ephemerides, SatelliteStates, accuracy_m, satellite_states, usable
 from integrity.gnss.ephemeris.store import EphemerisStore
 from integrity.gnss.observations import ROW_ARRAYS, Bools, Ints, ObservationBlock, build_block
-from integrity.gnss.positioning import Expected, range_sigma_m, state_time_ns
+from integrity.gnss.positioning import Expected, range_accuracy_m, range_sigma_m, state_time_ns
 from integrity.gnss.signals import TIME_SCALES, satellite_of, time_scale_index
 from train_client.config import TrainConfig
 from train_client.limits import TrainLimits
@@ -144,13 +144,14 @@ class FixMaker:
         block = build_block(self._train.antenna_ids, [epoch.epoch_ns], [epoch.rows])
         sky = self._sky_of(_Wanted(block.signals, epoch.epoch_ns, epoch.arrived, epoch.klobuchar, self._segments()))
         a_m, b_m = self._train.sigma_range_m, self._train.sigma_range_low_m
+        promised_m = range_accuracy_m(sky.states, accuracy_m(sky.ephemerides, sky.chosen))
         reasons = _why_unused(block, signals, sky.chosen[0] >= 0, usable(sky.ephemerides, sky.chosen)[0], mismatched)
         good = np.array([not reason for reason in reasons], dtype=np.bool_)
         ranges = Ranges(
             block,
             sky.states,
             epoch.klobuchar,
-            sigma_m=range_sigma_m(sky.sight.el_rad, a_m, b_m, accuracy_m(sky.ephemerides, sky.chosen)[:, None, :]),
+            sigma_m=range_sigma_m(sky.sight.el_rad, a_m, b_m, promised_m[:, None, :]),
             used=good & np.isfinite(block.pseudorange_m) & ~(block.cn0_dbhz < self._limits.min_cn0_dbhz),
             system_of=np.array([time_scale_index(s) for s in block.satellites], dtype=np.int64),
             n_systems=len(TIME_SCALES),
