@@ -59,7 +59,7 @@ def variances(cov_enu_m2: Floats, promises: IntegrityConfig, triangle: Reference
 
 def variances_of(common: Floats, differential: Floats, triangle: ReferenceTriangle) -> Variances:
     """All that follows from the variances of the errors that are common, and of each receiver's own (E, 3)."""
-    Lambda = (triangle.baseline_enu_m**2 / differential[:, None, :]).sum(axis=(1, 2))
+    Lambda = (triangle.baseline_enu_m**2 / differential[:, None, :]).sum(axis=2).sum(axis=1)
     return Variances(common, differential, common + differential / len(triangle.names), np.sqrt(Lambda))
 
 
@@ -107,7 +107,8 @@ def log_likelihood_ratio(e_enu_m: Floats, var_common: Floats, var_d: Floats) -> 
 
 def collapse_statistic(own_m: Floats, baseline_m: Floats, var: Variances) -> Floats:
     """S (E,) of section 2.6: the matched filter for "all receivers stand at one point"; N(0, 1) without, N(sqrt(Lambda), 1) with."""
-    S: Floats = -(own_m * baseline_m / var.differential[:, None, :]).sum(axis=(1, 2)) / var.separation
+    along = (own_m * baseline_m / var.differential[:, None, :]).sum(axis=2)  # one axis at a time: the order of a sum never depends on E
+    S: Floats = -along.sum(axis=1) / var.separation
     return S
 
 
@@ -126,7 +127,7 @@ def _moved_ecef_m(e_enu_m: Floats, triangle: ReferenceTriangle) -> Floats:
 def _spread(points_m: Floats, var_d: Floats) -> Floats:
     """Sum of squared distances (...) of points (..., n, 3) from their mean, in sigmas; for two points T_pair of section 2.2."""
     mean_m = points_m.sum(axis=-2, keepdims=True) / points_m.shape[-2]
-    total: Floats = ((points_m - mean_m) ** 2 / var_d).sum(axis=(-2, -1))
+    total: Floats = ((points_m - mean_m) ** 2 / var_d).sum(axis=-1).sum(axis=-1)
     return total
 
 

@@ -121,8 +121,7 @@ class _Expansion:
             elif begun and _EVENT.match(line, self._form.flag):
                 yield self._gathered()
                 self._forget()
-                self._event(line)
-                line = next(self._lines, None)
+                line = self._event(line)
             else:
                 if begun:
                     yield self._gathered()
@@ -146,14 +145,16 @@ class _Expansion:
             self._n_types[b"" if self._is_2 else line[:1]] = int(count)
         self._text.append(line.rstrip(b" "))
 
-    def _event(self, line: bytes) -> None:
-        """An epoch line of special records and these, which stand as they are."""
+    def _event(self, line: bytes) -> bytes | None:
+        """An epoch line of special records and these, which stand as they are; the line that follows."""
         self._text.append((self._form.first + line[1:]).rstrip(b" "))
         count = line[self._form.flag + 1 : self._form.flag + 4].strip()
         for _ in range(int(count) if _COUNT.fullmatch(count) else 0):
             special = next(self._lines, None)
-            if special is not None:
-                self._header_line(special)
+            if special is None or special[:1] == self._form.begun:
+                return special  # an epoch that begins anew: the count was damaged
+            self._header_line(special)
+        return next(self._lines, None)
 
     def _forget(self) -> None:
         """All that differences and changes go by."""

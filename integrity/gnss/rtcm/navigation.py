@@ -23,6 +23,7 @@ from integrity.gnss.rtcm.navigation_tables import TABLES
 from integrity.gnss.signals import GLONASS_CHANNELS
 
 FIRST_WEEK = 1700  # August 2012, when MSM began: without any time known, weeks are taken to be the first from here on
+LAST_WEEK = 4095  # June 2058: a later one is damage that the CRC let through, or a sender's
 EDGE_S = 43_200  # so close to the edge of a week a reference time may belong to another week than the transmission
 GLONASS_NUMBER, GLONASS_SLOTS = 1020, 24
 
@@ -111,6 +112,8 @@ def _kepler(number: int, table: Layout, bits: int, near_ns: int | None, epoch_ns
         return None
     behind_ns = BDT_BEHIND_GPS_NS if kind.system == "C" else 0
     toe_ns = _toe_ns(_week(number, raw["week"], near_ns), toe_s, near_ns) + behind_ns
+    if not FIRST_WEEK <= toe_ns // WEEK_NS <= LAST_WEEK:
+        return None
     fit_half_s, satellite = _fit_half_s(kind.system, raw), f"{kind.system}{raw['satellite']:02d}"
     quantities = table.quantities(bits)
     if kind.system == "J" and quantities["group_delay_s"] == lnav.QZSS_NO_GROUP_DELAY_S:

@@ -8,8 +8,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from integrity.gnss.gps_time import parse_utc
 from integrity.gnss.atmosphere import GalileoIonosphere
+from integrity.gnss.gps_time import parse_utc
 from integrity.gnss.nequick.integration import Geodetic, points, rays
 from integrity.gnss.nequick.maps import figures
 from integrity.gnss.nequick.model import effective_ionisation_sfu, month_and_ut, nequick_delay_m, slope, stec_tecu

@@ -4,8 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from integrity.gnss.atmosphere import Klobuchar
-from integrity.gnss.atmosphere import GalileoIonosphere
+from integrity.gnss.atmosphere import GalileoIonosphere, Klobuchar
 from tests import rinex_examples as example
 from tests.unit.rinex.navigation_files import HEADER_4, read, record, record_4
 

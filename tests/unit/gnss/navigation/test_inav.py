@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import pytest
 
+from integrity.gnss.atmosphere import GalileoIonosphere
 from integrity.gnss.crc import crc24q
 from integrity.gnss.ephemeris.broadcast import KeplerEphemeris
 from integrity.gnss.gps_time import NS_PER_S, WEEK_S, gps_from_week
@@ -145,12 +146,12 @@ def test_the_crc_covers_the_reserve_that_e5b_sends_for_osnma_and_rescue() -> Non
 @pytest.mark.parametrize(
     ("bits", "expected"),
     [
-        ("00000000001" "00000000001" "00000000000001" "10000", inav.GalileoIonosphere(0.25, 2.0**-8, 2.0**-15, 16)),
-        ("11111111111" "10000000000" "10000000000000" "00001", inav.GalileoIonosphere(511.75, -4.0, -0.25, 1)),
-        ("00101000000" "11111111110" "00000001000000" "00000", inav.GalileoIonosphere(80.0, -(2.0**-7), 2.0**-9, 0)),
+        ("00000000001" "00000000001" "00000000000001" "10000", GalileoIonosphere(0.25, 2.0**-8, 2.0**-15, 16)),
+        ("11111111111" "10000000000" "10000000000000" "00001", GalileoIonosphere(511.75, -4.0, -0.25, 1)),
+        ("00101000000" "11111111110" "00000001000000" "00000", GalileoIonosphere(80.0, -(2.0**-7), 2.0**-9, 0)),
     ],
 )  # fmt: skip
-def test_the_ionosphere_stands_in_word_5(bits: str, expected: inav.GalileoIonosphere) -> None:  # table of the ionospheric correction
+def test_the_ionosphere_stands_in_word_5(bits: str, expected: GalileoIonosphere) -> None:  # table of the ionospheric correction
     five = sent_words()[4] & ~inav.WORD_5.mask("ionosphere") | inav.WORD_5.message({"ionosphere": int(bits, 2)})
     assert inav.nequick_of(five) == expected
 
