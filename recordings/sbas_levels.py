@@ -2,7 +2,6 @@
 
 import csv
 import math
-import re
 import sys
 from collections import Counter
 from collections.abc import Iterator, Sequence
@@ -22,13 +21,13 @@ from integrity.gnss.sbas.corrections import REASON_TEXT, Corrections, Reason, co
 from integrity.gnss.sbas.protection import Protection, protection
 from integrity.gnss.sbas.receiver import SbasReceiver
 from integrity.gnss.sbas.store import NPA, PA, ROW_OF
+from recordings.ground_point import ground_point_ecef_m
 from recordings.rinex.navigation import read_navigation
 from recordings.sbas_files import SbasFile, read_sbas
 
 COLUMNS = ("gps_time", "hpl_m", "vpl_m", "n_used", "satellites", "not_used")
 MODES = {"pa": PA, "npa": NPA}
 EPOCHS_AT_ONCE = 256
-NEAREST_M, FARTHEST_M = 6.3e6, 6.5e6  # from the centre of the Earth: the ground, with a margin
 _HIDDEN = (Reason.USED, Reason.NO_ORBIT, Reason.BELOW_MASK)  # satellites that are not in view need no reason
 
 
@@ -73,7 +72,7 @@ def request_of(
         raise ConfigError(f"--mask {mask_deg:g}: expected 0 to 90 degrees")
     if not 0.001 <= interval_s <= 86_400.0:
         raise ConfigError(f"--interval {interval_s:g}: expected 0.001 to 86400 seconds")
-    pos_ecef_m = _position(position)
+    pos_ecef_m = ground_point_ecef_m(position)
     file = read_sbas(messages)
     navigation = [read_navigation(path) for path in nav]
     first_ns = -(-file.messages[0].received_ns // NS_PER_S) * NS_PER_S
@@ -95,23 +94,6 @@ def request_of(
         mask_rad=math.radians(mask_deg),
         problems=dict(problems),
     )
-
-
-def _position(text: str) -> tuple[float, float, float]:
-    numbers = [float(part) for part in text.split(",")] if re.fullmatch(r"[-+0-9.eE, ]+", text) and _numeric(text) else []
-    if len(numbers) != 3 or not NEAREST_M <= math.hypot(*numbers) <= FARTHEST_M:
-        raise ConfigError(
-            f"--position {text!r}: expected X,Y,Z in ECEF metres of a place on the ground, such as -3962108.7,3381309.6,3668678.7"
-        )
-    x, y, z = numbers
-    return x, y, z
-
-
-def _numeric(text: str) -> bool:
-    try:
-        return all(math.isfinite(float(part)) for part in text.split(","))
-    except ValueError:
-        return False
 
 
 def _gps_time(option: str, text: str) -> int:

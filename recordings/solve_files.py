@@ -21,12 +21,12 @@ from integrity.gnss.ephemeris.broadcast import Ephemeris
 from integrity.gnss.gps_time import GPS_EPOCH_UNIX_S, NS_PER_S, format_calendar
 from integrity.gnss.observations import ObservationBlock
 from integrity.gnss.signals import SECOND_CODES, SYSTEM_NAMES, Codes, first_codes_of
+from recordings.ground_point import ground_point_ecef_m
 from recordings.rinex.navigation import NavigationFile, read_navigation
 from recordings.solve import Sky, Track, Weights, solved
 from recordings.solve_inputs import Heard, ObservationFiles, first_plausible
 
 IONOSPHERES = ("klobuchar", "nequick", "free", "none")
-NEAREST_M, FARTHEST_M = 6.3e6, 6.5e6  # from the centre of the Earth: the ground, with a margin
 HIGHEST_MASK_DEG = 45.0  # as of a site file
 
 
@@ -71,7 +71,7 @@ def request_of(
     if not 0.0 <= mask_deg <= HIGHEST_MASK_DEG:
         raise ConfigError(f"--mask {mask_deg:g}: expected 0 to {HIGHEST_MASK_DEG:g} degrees")
     chosen = _systems(systems)
-    true_pos_ecef_m = None if position is None else _position(position)
+    true_pos_ecef_m = None if position is None else ground_point_ecef_m(position)
     navigation = tuple(read_navigation(path) for path in nav)
     return Request(tuple(observations), navigation, chosen, ionosphere, mask_deg, true_pos_ecef_m)
 
@@ -118,18 +118,6 @@ def _systems(text: str) -> tuple[str, ...]:
     if not set(asked) <= name_of.keys():
         raise ConfigError(f"--systems {text!r}: expected names among {', '.join(name_of.values())}, with commas between them")
     return tuple(name for key, name in name_of.items() if key in asked)
-
-
-def _position(text: str) -> tuple[float, float, float]:
-    try:
-        x, y, z = (float(part) for part in text.split(","))
-    except ValueError:
-        x = y = z = math.nan
-    if not NEAREST_M <= math.hypot(x, y, z) <= FARTHEST_M:
-        raise ConfigError(
-            f"--position {text!r}: expected X,Y,Z in ECEF metres of a place on the ground, such as -3962108.7,3381309.6,3668678.7"
-        )
-    return x, y, z
 
 
 def _ephemerides(request: Request, heard: Heard) -> list[Ephemeris]:
