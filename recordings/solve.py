@@ -1,6 +1,6 @@
 """Positions of one receiver over its recording, block by block: what `integrity.gnss` makes of a file without a station around it.
 
-Broadcast orbits, weighted least squares, nothing excluded; of each satellite the first of its codes that was measured. A block of pairs
+Broadcast orbits, weighted least squares, nothing excluded; of each satellite the code that was measured most often. A block of pairs
 (`combination.ionosphere_free`) is solved like any other, with the codes of pairs.
 """
 
@@ -105,12 +105,13 @@ def _nowhere(time_ns: Ints) -> Track:
 
 
 def _one_signal_each(block: ObservationBlock, codes: Codes, order: Ints) -> ObservationBlock:
-    """The epochs of a block in the order of time, with the signal of the first code of each satellite that it has."""
+    """The epochs of a block in the order of time, with the signal of each satellite that was measured most often, the first of equals."""
     place = {signal: s for s, signal in enumerate(block.signals)}
+    measured = np.isfinite(block.pseudorange_m).sum(axis=(0, 1))
     found = {}
     for satellite in dict.fromkeys(block.satellites):
         named = (f"{satellite}.{code}" for code in codes.get(satellite[0], ()))
-        found[satellite] = next((place[signal] for signal in named if signal in place), None)
+        found[satellite] = max((place[signal] for signal in named if signal in place), key=measured.__getitem__, default=None)
     columns = [s for s in found.values() if s is not None]
     in_order = bool((np.diff(order) == 1).all())
     if in_order and len(columns) == len(block.signals):

@@ -2,12 +2,13 @@
 
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 
 from integrity.gnss.least_squares import Unsolved
-from integrity.gnss.observations import ObservationBlock
+from integrity.gnss.observations import ROW_ARRAYS, ObservationBlock
 from recordings.rinex.observation import read_blocks
 from recordings.solve import Sky, Track, Weights, solved
 from tests.rinex_text import observation_text
@@ -50,6 +51,16 @@ def test_epochs_need_not_be_in_the_order_of_time(tmp_path: Path) -> None:
     mixed = replace(of, **{name: getattr(of, name)[order] for name in names})
     np.testing.assert_array_equal(track(mixed).pos_ecef_m, track(of).pos_ecef_m[order])
     np.testing.assert_array_equal(track(mixed).time_ns, of.epoch_ns[order])
+
+
+def test_of_two_codes_of_a_satellite_the_one_measured_more_often_is_used(tmp_path: Path) -> None:
+    of = block(tmp_path)
+    twice: dict[str, Any] = {name: np.concatenate([getattr(of, name)] * 2, axis=2) for name in ROW_ARRAYS}
+    twice["pseudorange_m"][1:, :, : len(of.signals)] = np.nan  # the preferred one: in the first epoch only
+    signals = tuple(s.replace("1C", "1X") for s in of.signals) + of.signals
+    both = replace(of, signals=signals, satellites=of.satellites * 2, **twice)
+    (found,) = solved([both], Sky(EPHEMERIDES, KLOBUCHAR), WEIGHTS, POSITION_ECEF_M.tolist(), {"G": ("1X", "1C"), "E": ("1X", "1C")})
+    np.testing.assert_array_equal(found.n_used, track(of).n_used)
 
 
 def test_a_block_of_nothing_has_no_positions(tmp_path: Path) -> None:
