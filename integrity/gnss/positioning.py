@@ -108,8 +108,8 @@ def compared(block: ObservationBlock, sight: Expected) -> Prefit:
 def expected(states: SatelliteStates, epoch_ns: Ints, points: Points, ionosphere: Ionosphere | None) -> Expected:
     """Pseudoranges at the points but for the receivers' clocks, as they change around the time of the states (`state_time_ns`).
 
-    To the second order in the time from there to transmission, 12 ms at most for a receiver whose time tag is the epoch's: within
-    0.1 mm for one whose tag is up to 0.5 s off. Without its terms the ionosphere is left out.
+    To the second order in the time from there to transmission, 12 ms at most for a receiver whose time tag is the epoch's (60 ms of
+    geosynchronous satellites): within 0.1 mm for one whose tag is up to 0.5 s off. Without its terms the ionosphere is left out.
     """
     tow_s = (epoch_ns % WEEK_NS / NS_PER_S)[:, None, None]
     alone = (states.clock_s, states.clock_drift_sps, states.ionosphere)
