@@ -1,6 +1,7 @@
 """Detection and exclusion: what holds for every sky."""
 
 from dataclasses import fields
+from random import Random
 
 import numpy as np
 from hypothesis import given, settings
@@ -50,9 +51,9 @@ def test_positions_are_those_of_solving_again_without_what_was_excluded(sky: Mad
 
 @given(skies(), st.randoms(use_true_random=False))
 @settings(max_examples=100, deadline=None)
-def test_the_order_of_satellites_makes_no_difference(sky: MadeSky, random: object) -> None:
-    order = np.arange(len(sky.system_of))
-    random.shuffle(order)  # type: ignore[attr-defined]
+def test_the_order_of_satellites_makes_no_difference(sky: MadeSky, random: Random) -> None:
+    order = list(range(len(sky.system_of)))
+    random.shuffle(order)
     turned = sky._replace(**{name: x[..., order] for name, x in sky._asdict().items()})
     np.testing.assert_array_equal(checked(turned).finding, checked(sky).finding)
 

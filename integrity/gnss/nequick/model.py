@@ -6,10 +6,9 @@ A climate cannot know the day's weather: its makers aimed at 70 % of the delay (
 
 import numpy as np
 
-from integrity.gnss.angles import sine_cosine
 from integrity.gnss.atmosphere import GalileoIonosphere
 from integrity.gnss.gps_time import DAY_S, NS_PER_S, civil_from_days, utc_from_gps
-from integrity.gnss.nequick.integration import EARTH_RADIUS_KM, POINTS, Geodetic, points, rays
+from integrity.gnss.nequick.integration import POINTS, Geodetic, points, rays
 from integrity.gnss.nequick.layers import Activity, Sun, density, profile, sun
 from integrity.gnss.nequick.peaks import MapCoefficients, map_coefficients, modip_deg
 from integrity.gnss.observations import Bools, Floats, Ints, slices
@@ -20,7 +19,6 @@ LARGEST_AZ_SFU = 400.0  # 3.3
 TECU = 1e16  # electrons per m^2
 DELAY_M_PER_TECU = 40.3 * TECU / L1_HZ**2  # on L1, to the first order in 1 / f^2
 LOWEST_RECEIVER_M = -1_000.0  # lower is inside the Earth
-THIN_SHELL_KM = 350.0
 
 
 def month_and_ut(t_ns: Ints) -> tuple[Ints, Floats]:
@@ -64,18 +62,6 @@ def effective_ionisation_sfu(modip: Floats, ionosphere: GalileoIonosphere) -> Fl
         return np.full(np.shape(modip), DEFAULT_AZ_SFU)
     az_sfu: Floats = np.clip(a0 + modip * (a1 + modip * a2), 0.0, LARGEST_AZ_SFU)
     return az_sfu
-
-
-def slope(el_rad: Floats) -> Floats:
-    """Relative change of the delay with elevation, 1/rad: that of the obliquity of a thin shell at 350 km.
-
-    The model's own change differs by 0.2 (above 40 deg) to 1 / rad (at 10 deg), rms, as density changes from place to place. A satellite
-    rises by at most 1.5e-4 rad/s: the delay is wrong by less than 2e-4 of itself after a second, for 99 of 100 rays above 10 deg.
-    """
-    sin_el, cos_el = sine_cosine(el_rad)
-    k = EARTH_RADIUS_KM / (EARTH_RADIUS_KM + THIN_SHELL_KM)
-    change: Floats = -k * k * sin_el * cos_el / (1.0 - k * k * cos_el * cos_el)
-    return change
 
 
 def _stec_of_month(month: int, ut_s: Floats, receiver: Geodetic, satellite: Geodetic, ionosphere: GalileoIonosphere) -> Floats:
