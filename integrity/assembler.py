@@ -188,10 +188,13 @@ class Assembler:
         self.dropped.update(self._pending.pop(epoch_ns).keys())
 
     def _hearsay(self, event: StatusReceived) -> None:
-        before = dict(self._statuses)
-        after = before | {event.receiver: before.get(event.receiver, ReceiverStatus()).updated(event.status)}
-        if event.receiver in self._receivers and after != before:
-            self._statuses = tuple(sorted(after.items()))
+        if event.receiver in self._receivers:
+            said = dict(self._statuses)
+            before = said.get(event.receiver)
+            after = event.status if before is None else before.updated(event.status)
+            if after != before:
+                said[event.receiver] = after
+                self._statuses = tuple(sorted(said.items()))
 
     def _tick(self, tick: Tick) -> list[AlignedEpoch | Interruption]:
         self._start_listening(tick.mono_ns)

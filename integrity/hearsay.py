@@ -41,11 +41,18 @@ def _of(receiver: str, status: ReceiverStatus, surveyed_ecef_m: Floats) -> list[
     if status.fix_ok is False:
         found.append(f"{receiver} reports no fix of its own")
     elif status.fix_ok and status.lat_rad is not None and status.lon_rad is not None and status.height_m is not None:
-        fix_ecef_m = ecef_from_geodetic(status.lat_rad, status.lon_rad, status.height_m)
-        distance_m = float(np.linalg.norm(fix_ecef_m - surveyed_ecef_m))
+        distance_m = float(np.linalg.norm(_ecef_m(status.lat_rad, status.lon_rad, status.height_m) - surveyed_ecef_m))
         if not distance_m <= FAR_M:
             found.append(f"{receiver} reports a fix of its own {_far(distance_m)} from its surveyed point")
     return found
+
+
+@lru_cache(maxsize=16)
+def _ecef_m(lat_rad: float, lon_rad: float, height_m: float) -> Floats:
+    """A fix, once: receivers' other words are read ten times as often."""
+    pos_ecef_m = ecef_from_geodetic(lat_rad, lon_rad, height_m)
+    pos_ecef_m.setflags(write=False)
+    return pos_ecef_m
 
 
 def _far(distance_m: float) -> str:

@@ -77,7 +77,7 @@ def passed_over(names: tuple[str, ...], rule: Rule) -> Bools:
 def clean_epochs(checks: Checks, rule: Rule) -> Bools:
     """Epochs (E,) without a FAIL or UNKNOWN among the checks of the rule."""
     fine = (checks.outcome < int(Outcome.UNKNOWN)) | passed_over(checks.names, rule)
-    result: Bools = np.all(fine, axis=-1)
+    result: Bools = np.logical_and.reduce(fine, axis=-1)
     return result
 
 

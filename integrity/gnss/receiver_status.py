@@ -1,7 +1,8 @@
 """What a receiver says of itself, as far as it says it: hearsay, good for explaining, never for trusting."""
 
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, fields
 from enum import IntEnum
+from operator import attrgetter
 
 
 class Jamming(IntEnum):
@@ -49,5 +50,7 @@ class ReceiverStatus:
 
     def updated(self, later: "ReceiverStatus") -> "ReceiverStatus":
         """This status with everything that a later one says."""
-        said = {f.name: value for f in fields(later) if (value := getattr(later, f.name)) is not None}
-        return replace(self, **said) if said else self
+        return ReceiverStatus(*[before if now is None else now for before, now in zip(_said(self), _said(later), strict=True)])
+
+
+_said = attrgetter(*(f.name for f in fields(ReceiverStatus)))  # all of it, in order

@@ -55,8 +55,8 @@ def clock_design(sigma_m: Floats, used: Bools, system_of: Ints, n_systems: int) 
 
 def without_clocks(of: ClockDesign, prefit_m: Floats) -> KnownPointResiduals:
     """What ranges (E, R, S) make of a design: clocks, and what remains."""
-    clock_m = ((of.w * np.where(of.determines, prefit_m, 0.0)).sum(axis=-1) / of.weight).transpose(1, 2, 0)
-    residual_m = prefit_m - clock_m[..., of.system_of]
+    clock_m = (np.add.reduce(of.w * np.where(of.determines, prefit_m, 0.0), axis=-1) / of.weight).transpose(1, 2, 0)
+    residual_m = prefit_m - clock_m.take(of.system_of, axis=-1)
     return KnownPointResiduals(clock_m, residual_m, residual_m / of.scale_m)
 
 
@@ -65,7 +65,7 @@ def seen_by_all(normalised: Floats) -> Floats:
 
     A fault of the satellite shows in every receiver; a fault of one or two receivers leaves the smallest where it was.
     """
-    above, below = normalised.min(axis=1), -normalised.max(axis=1)  # by how much all are above zero, or below
+    above, below = np.minimum.reduce(normalised, axis=1), -np.maximum.reduce(normalised, axis=1)  # by how much all are beyond zero
     statistic: Floats = np.maximum(np.maximum(above, below), 0.0)
     return statistic
 
@@ -76,7 +76,7 @@ def b_values_m(residual_m: Floats) -> Floats:
     A bias b of one of three receivers shows as b / 3. Source: section 2.3 (GBAS).
     """
     n = residual_m.shape[1]
-    b_m: Floats = (residual_m - residual_m.sum(axis=1, keepdims=True) / n) / (n - 1)
+    b_m: Floats = (residual_m - np.add.reduce(residual_m, axis=1, keepdims=True) / n) / (n - 1)
     return b_m
 
 
@@ -90,13 +90,13 @@ def normalised_b_values(b_m: Floats, sigma_differential_m: Floats) -> Floats:
 def without_lone_satellites(used: Bools, system_of: Ints, n_systems: int) -> Bools:
     """`used` (E, S) less satellites alone in their constellation: one determines a clock, nothing else, and nothing checks it."""
     member = system_of == np.arange(n_systems)[:, None]
-    alone = (used[:, None] & member).sum(axis=-1) == 1  # (E, K)
-    kept: Bools = used & ~alone[:, system_of]
+    alone = np.add.reduce(used[:, None] & member, axis=-1) == 1  # (E, K)
+    kept: Bools = used & ~alone.take(system_of, axis=1)
     return kept
 
 
 def worst(statistic: Floats, used: Bools) -> Floats:
     """Largest statistic of the satellites used, (E,); NaN where none is used or one of them has none."""
-    largest = np.where(used, statistic, -np.inf).max(axis=-1, initial=-np.inf)
-    result: Floats = np.where(np.isfinite(largest), largest, np.nan)
-    return result
+    largest: Floats = np.maximum.reduce(statistic, axis=-1, initial=-np.inf, where=used)
+    largest[~np.isfinite(largest)] = np.nan
+    return largest

@@ -13,7 +13,7 @@ CN0_LOW_DB = 3.0
 
 def missing_satellites(used: Bools, needed: int) -> Floats:
     """How many satellites short of `needed` the common set (E, S) is, (E,)."""
-    result: Floats = np.maximum(needed - used.sum(axis=-1), 0).astype(np.float64)
+    result: Floats = np.maximum(needed - np.add.reduce(used, axis=-1), 0).astype(np.float64)
     return result
 
 
@@ -24,7 +24,7 @@ def repeating_receivers(pseudorange_m: Floats, before_m: Floats) -> Bools:
     """
     before = np.concatenate((before_m[None], pseudorange_m[:-1]))
     seen = np.isfinite(pseudorange_m)
-    result: Bools = seen.any(axis=-1) & ((pseudorange_m == before) | ~seen).all(axis=-1)
+    result: Bools = np.logical_or.reduce(seen, axis=-1) & np.logical_and.reduce((pseudorange_m == before) | ~seen, axis=-1)
     return result
 
 
@@ -37,8 +37,8 @@ def last_seen(seen: Bools, epoch_ns: Ints, before_ns: Ints) -> Ints:
 
 def lost_share(seen: Bools, expected: Bools) -> Floats:
     """Share (E, R) of the expected signals (E, R, S) that a receiver does not see; NaN where fewer than four are expected."""
-    count = expected.sum(axis=-1)
-    lost = (expected & ~seen).sum(axis=-1)
+    count = np.add.reduce(expected, axis=-1)
+    lost = np.add.reduce(expected & ~seen, axis=-1)
     result: Floats = np.where(count >= 4, lost / np.maximum(count, 1), np.nan)
     return result
 
@@ -49,7 +49,7 @@ def cn0_drop_db(cn0_dbhz: Floats, recent: Bools, epoch_ns: Ints, baseline_dbhz: 
     A signal without a baseline starts one where it is; one that was not seen of late, not `recent` (E, R, S), loses its own. NaN where
     a receiver says nothing of C/N0.
     """
-    heard = np.isfinite(cn0_dbhz).any(axis=-1)
+    heard = np.logical_or.reduce(np.isfinite(cn0_dbhz), axis=-1)
     baseline = np.array(baseline_dbhz)
     if not heard.any() and np.isnan(baseline).all():
         return np.full(heard.shape, np.nan), baseline
@@ -59,7 +59,7 @@ def cn0_drop_db(cn0_dbhz: Floats, recent: Bools, epoch_ns: Ints, baseline_dbhz: 
         baseline = np.where(recent[e], baseline, np.nan)
         below = baseline - cn0
         known = np.isfinite(below)
-        drop[e] = np.where(known, below, 0.0).sum(axis=-1) / np.maximum(known.sum(axis=-1), 1)
+        drop[e] = np.add.reduce(np.where(known, below, 0.0), axis=-1) / np.maximum(np.add.reduce(known, axis=-1), 1)
         gain = np.where(drop[e] > CN0_LOW_DB, -expm1(-dt_s / CN0_TIME_CONSTANT_LOW_S), -expm1(-dt_s / CN0_TIME_CONSTANT_S))
         step = gain[:, None] * below
         baseline = np.where(known, baseline - step, np.fmax(baseline, cn0))  # one of the two is missing, the other is taken

@@ -66,12 +66,12 @@ def variances_of(common: Floats, differential: Floats, triangle: ReferenceTriang
 def triangle_statistics(e_enu_m: Floats, var: Variances, triangle: ReferenceTriangle) -> TriangleStatistics:
     """The statistics of all checks of displacements (E, R, 3)."""
     n = e_enu_m.shape[1]
-    mean = e_enu_m.sum(axis=1) / n
+    mean = np.add.reduce(e_enu_m, axis=1) / n
     own = e_enu_m - mean[:, None, :]
     var_d = var.differential[:, None, :]
 
-    common = np.cumsum(mean**2 / var.mean, axis=-1)  # east, then with north, then with up
-    shape = np.cumsum((own**2 / var_d).sum(axis=1), axis=-1)
+    common = np.add.accumulate(mean**2 / var.mean, axis=-1)  # east, then with north, then with up
+    shape = np.add.accumulate(np.add.reduce(own**2 / var_d, axis=1), axis=-1)
     return TriangleStatistics(
         circle_m=np.hypot(e_enu_m[..., 0], e_enu_m[..., 1]),
         common=common[:, 1],
@@ -107,8 +107,8 @@ def log_likelihood_ratio(e_enu_m: Floats, var_common: Floats, var_d: Floats) -> 
 
 def collapse_statistic(own_m: Floats, baseline_m: Floats, var: Variances) -> Floats:
     """S (E,) of section 2.6: the matched filter for "all receivers stand at one point"; N(0, 1) without, N(sqrt(Lambda), 1) with."""
-    along = (own_m * baseline_m / var.differential[:, None, :]).sum(axis=2)  # one axis at a time: the order of a sum never depends on E
-    S: Floats = -along.sum(axis=1) / var.separation
+    along = np.add.reduce(own_m * baseline_m / var.differential[:, None, :], axis=2)  # axis by axis: the order of a sum never depends on E
+    S: Floats = -np.add.reduce(along, axis=1) / var.separation
     return S
 
 

@@ -61,15 +61,17 @@ _IDENTITY = tuple(  # of all measurements of a payload: their gnssId, svId, sigI
 
 FIRST_WEEK = 1700  # August 2012, before RXM-RAWX existed. Week 0: the receiver does not know the time yet
 
-# What a byte of cno, a count of locktime, a byte of trkStat and a gnssId mean.
+# What a byte of cno, a count of locktime and a gnssId mean; and a byte of trkStat, of range, carrier, half cycle.
 CN0_DBHZ = np.where(np.arange(256) <= MOST_CN0_DBHZ, np.arange(256.0), np.nan)
 LOCK_S = np.where(np.arange(65536) / 1000.0 <= MOST_LOCK_S, np.arange(65536) / 1000.0, np.nan)
-_PR_VALID = np.arange(256) & PR_VALID != 0
-_CP_VALID = np.arange(256) & CP_VALID != 0
-_HALF_CYCLE = np.arange(256) & (CP_VALID | HALF_CYCLE_RESOLVED) == CP_VALID
+_BYTES = np.arange(256)
+_TRACKED = np.stack((_BYTES & PR_VALID != 0, _BYTES & CP_VALID != 0, _BYTES & (CP_VALID | HALF_CYCLE_RESOLVED) == CP_VALID))
 MOST_RANGE_OF_GNSS_M = np.full(256, np.nan)
 for (_gnss, _), _known in SIGNALS.items():
     MOST_RANGE_OF_GNSS_M[_gnss] = MOST_RANGE_M[_known.system]
+# A bound as an array: for a few measurements, numpy takes longer to look at a number of Python than to compare.
+_LEAST_RANGE_M, _MOST_CARRIER_CYCLES, _NO_LOCK_S = np.array(LEAST_RANGE_M), np.array(MOST_CARRIER_CYCLES), np.array(0.0)
+_MOST_DOPPLER_HZ = np.array(MOST_DOPPLER_HZ, dtype=np.float32)
 _F8, _F4, _U2, _U1 = (np.dtype(kind) for kind in ("<f8", "<f4", "<u2", "u1"))
 
 
@@ -82,15 +84,15 @@ class _Places(NamedTuple):
     locktime: Indices
     cno: Indices
     trk_stat: Indices
-    gnss_id: Indices
 
 
 class _Layout(NamedTuple):
-    """Which measurements of an epoch are taken, their names, and where their quantities stand."""
+    """Which measurements of an epoch are taken, their names, where their quantities stand, and how long their ranges can be."""
 
     signals: tuple[str, ...]
     taken: Indices
     places: _Places
+    most_range_m: Floats
 
 
 class _Columns(NamedTuple):
@@ -121,7 +123,7 @@ def decode_rawx(payloads: Sequence[bytes], receiver: str) -> list[ObservationRow
         return rows
     columns, kept = _columns(*_joined([payloads[i] for i, _, _ in sound], [layout for _, _, layout in sound]))
     end = 0
-    for i, time_ns, (signals, _, _) in sound:
+    for i, time_ns, (signals, *_) in sound:
         begin, end = end, end + len(signals)
         mine = columns if len(sound) == 1 else _Columns._make([column[begin:end] for column in columns])
         if kept is not None:
@@ -153,37 +155,38 @@ def _layout_of(gnss_ids: bytes, sv_ids: bytes, sig_ids: bytes) -> _Layout | None
         if signal is not None:
             taken[signal] = i
     index = np.array(list(taken.values()), dtype=np.intp)
-    return _Layout(tuple(taken), index, _places(index))
+    return _Layout(tuple(taken), index, _places(index), MOST_RANGE_OF_GNSS_M[[gnss_ids[i] for i in index]])
 
 
 def _places(taken: Indices) -> _Places:
     def place(field: str) -> Indices:
         return (taken * RAWX_DTYPE.itemsize + _OFFSET[field]) // _SIZE[field]
 
-    fields = ("pr_m", "cp_cycles", "do_hz", "locktime_ms", "cno_dbhz", "trk_stat", "gnss_id")
+    fields = ("pr_m", "cp_cycles", "do_hz", "locktime_ms", "cno_dbhz", "trk_stat")
     return _Places._make([place(field) for field in fields])
 
 
-def _joined(payloads: list[bytes], layouts: list[_Layout]) -> tuple[bytes, _Places]:
-    """The measurements of the epochs one after the other, and where what is taken of them stands."""
+def _joined(payloads: list[bytes], layouts: list[_Layout]) -> tuple[bytes, _Places, Floats]:
+    """The measurements of the epochs one after the other, where what is taken of them stands, and how long its ranges can be."""
     measurements = [payload[RAWX_HEADER.size :] for payload in payloads]
     if len(payloads) == 1:
-        return measurements[0], layouts[0].places
+        return measurements[0], layouts[0].places, layouts[0].most_range_m
     first = np.cumsum([0] + [len(m) // RAWX_DTYPE.itemsize for m in measurements[:-1]])
     taken = np.concatenate([layout.taken for layout in layouts])
-    return b"".join(measurements), _places(taken + np.repeat(first, [len(layout.taken) for layout in layouts]))
+    places = _places(taken + np.repeat(first, [len(layout.taken) for layout in layouts]))
+    return b"".join(measurements), places, np.concatenate([layout.most_range_m for layout in layouts])
 
 
-def _columns(measurements: bytes, places: _Places) -> tuple[_Columns, Bools | None]:
+def _columns(measurements: bytes, places: _Places, most_range_m: Floats) -> tuple[_Columns, Bools | None]:
     """The quantities, NaN where not vouched for or out of range; and which have a range or a carrier, None where all have."""
     as_f8, as_u1 = np.frombuffer(measurements, _F8), np.frombuffer(measurements, _U1)
-    trk_stat = as_u1[places.trk_stat]
+    pr_valid, cp_valid, half_cycle = _TRACKED.take(as_u1[places.trk_stat], axis=1)
     pr_m = as_f8[places.pr]
-    pr_known = (pr_m >= LEAST_RANGE_M) & (pr_m <= MOST_RANGE_OF_GNSS_M.take(as_u1[places.gnss_id])) & _PR_VALID.take(trk_stat)
+    pr_known = (pr_m >= _LEAST_RANGE_M) & (pr_m <= most_range_m) & pr_valid
     cp_cycles = as_f8[places.cp]
-    cp_known = (np.abs(cp_cycles) <= MOST_CARRIER_CYCLES) & _CP_VALID.take(trk_stat)
+    cp_known = (np.abs(cp_cycles) <= _MOST_CARRIER_CYCLES) & cp_valid
     do_hz = np.frombuffer(measurements, _F4)[places.do]
-    do_known = np.abs(do_hz) <= MOST_DOPPLER_HZ
+    do_known = np.abs(do_hz) <= _MOST_DOPPLER_HZ
     for values, known in ((pr_m, pr_known), (cp_cycles, cp_known), (do_hz, do_known)):
         if np.count_nonzero(known) != len(known):
             values[~known] = np.nan
@@ -195,8 +198,8 @@ def _columns(measurements: bytes, places: _Places) -> tuple[_Columns, Bools | No
         doppler_hz=do_hz.astype(np.float64),  # after blanking: to widen a signalling NaN warns
         cn0_dbhz=CN0_DBHZ.take(as_u1[places.cno]),
         lock_s=lock_s,
-        slip=lock_s == 0.0,
-        half_cycle=_HALF_CYCLE.take(trk_stat),
+        slip=lock_s == _NO_LOCK_S,
+        half_cycle=half_cycle,
     )
     return columns, None if np.count_nonzero(kept) == len(kept) else kept
 

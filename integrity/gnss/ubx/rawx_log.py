@@ -4,13 +4,13 @@ Sources as there.
 """
 
 from collections.abc import Iterator
-from typing import NamedTuple, TypeVar
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from integrity.gnss.gps_time import NS_PER_S, WEEK_NS, WEEK_S
-from integrity.gnss.observations import Bools, Floats, Ints, ObservationBlock
+from integrity.gnss.observations import ROW_ARRAYS, ROW_FLAGS, Bools, Floats, Ints, ObservationBlock
 from integrity.gnss.signals import Codes, preference, satellite_of
 from integrity.gnss.ubx.framing import FRAME_BYTES, HEADER_BYTES
 from integrity.gnss.ubx.identifiers import EVERY_CODE, SIGNALS, signal_of
@@ -31,11 +31,11 @@ from integrity.gnss.ubx.rawx import (
 )
 
 MOST_EPOCHS = 1024  # of a block
+ROOM_BYTES, ALIGNED_BYTES = 1 << 24, 64
 HEADER_DTYPE = np.dtype(
     [("tow_s", "<f8"), ("week", "<u2"), ("leap_s", "i1"), ("n", "u1"), ("state", "u1"), ("version", "u1"), ("reserved", "V2")]
 )
 Numbers = NDArray[np.intp]
-_Kind = TypeVar("_Kind", bound=np.generic)
 Measurements = NDArray[np.void]  # of as many bytes as RAWX_DTYPE, which is slow to copy
 
 # gnssId takes the lowest 3 bits of a measurement's identity as read here, svId 8 and sigId 4; no signal has more.
@@ -68,11 +68,23 @@ class Epochs(NamedTuple):
 
 
 class _Taken(NamedTuple):
-    """Measurements that are taken, with the epoch and the signal that each is of; (N,) each."""
+    """Measurements that are taken (N,), numbers of the signals that they are of, in order (S,), and the cell of each in a grid (E, S)."""
 
     measurements: Measurements
-    epoch: Ints
-    signal: Numbers
+    numbers: Numbers
+    cell: Ints
+
+
+class _Arrays(NamedTuple):
+    """The arrays of a block, (E, 1, S) each, in its order."""
+
+    pseudorange_m: Floats
+    carrier_cycles: Floats
+    doppler_hz: Floats
+    cn0_dbhz: Floats
+    lock_s: Floats
+    slip: Bools
+    half_cycle: Bools
 
 
 def rawx_blocks(log: Bytes, frames: Located, receiver: str, codes: Codes = EVERY_CODE) -> Iterator[ObservationBlock]:
@@ -80,10 +92,11 @@ def rawx_blocks(log: Bytes, frames: Located, receiver: str, codes: Codes = EVERY
 
     Nominal time is the receiver's own. An epoch for which `decode_rawx` has no row is left out; nothing is raised, whatever the bytes.
     """
-    wanted = np.array([*(s.partition(".")[2] in codes.get(s[0], ()) for s in ALL_SIGNALS), False])
+    wanted = np.array([s.partition(".")[2] in codes.get(s[0], ()) for s in ALL_SIGNALS])
+    room = _Room()
     for epochs, taken in _parts(log, frames):
         if len(epochs.frame):
-            yield _block(epochs, taken, receiver, wanted)
+            yield _block(epochs, _of_signals(wanted.take(taken.numbers), taken), receiver, room)
 
 
 def rawx_epochs(log: Bytes, frames: Located) -> Epochs:
@@ -115,11 +128,12 @@ def _epochs(log: Bytes, frames: Located) -> Epochs:
 def _without_contradictions(log: Bytes, epochs: Epochs) -> tuple[Epochs, _Taken]:
     """The measurements of known signals, without the epochs in which a signal stands twice."""
     taken = _known_signals(log, epochs)
-    seen = np.zeros((len(epochs.frame), NO_SIGNAL), dtype=np.bool_)
-    seen.reshape(-1)[taken.epoch * NO_SIGNAL + taken.signal] = True
-    if np.count_nonzero(seen) == len(taken.epoch):
+    n_epochs, n_signals = len(epochs.frame), len(taken.numbers)
+    seen = np.zeros((n_epochs, n_signals), dtype=np.bool_)
+    seen.reshape(-1)[taken.cell] = True
+    if np.count_nonzero(seen) == len(taken.cell):
         return epochs, taken
-    once = np.count_nonzero(seen, axis=1) == np.bincount(taken.epoch, minlength=len(epochs.frame))
+    once = np.count_nonzero(seen, axis=1) == np.bincount(taken.cell // n_signals, minlength=n_epochs)
     epochs = Epochs._make([column[once] for column in epochs])
     return epochs, _known_signals(log, epochs)
 
@@ -132,64 +146,80 @@ def _known_signals(log: Bytes, epochs: Epochs) -> _Taken:
     identity = measurements.view("<u4").reshape(-1, size // 4)[:, 5]  # gnssId, svId, sigId, freqId
     number = _NUMBER_OF_IDENTITY.take(identity & 0x7 | identity >> 5 & 0x7FF8)
     number[identity & 0xF000F8 != 0] = NO_SIGNAL
-    taken = _Taken(measurements, np.repeat(np.arange(len(epochs.frame)), epochs.measured), number)
-    known = number < NO_SIGNAL
-    return taken if known.all() else _only(known, taken)
+    present = np.zeros(NO_SIGNAL + 1, dtype=np.bool_)
+    present[number] = True
+    numbers = np.flatnonzero(present[:NO_SIGNAL])
+    cell = np.repeat(len(numbers) * np.arange(len(epochs.frame)), epochs.measured) + (np.cumsum(present) - 1).take(number)
+    taken = _Taken(measurements, numbers, cell)
+    return _only(number < NO_SIGNAL, taken) if present[NO_SIGNAL] else taken
 
 
 def _only(kept: Bools, taken: _Taken) -> _Taken:
-    return _Taken._make([column[kept] for column in taken])
+    return _Taken(taken.measurements[kept], taken.numbers, taken.cell[kept])
 
 
-def _block(epochs: Epochs, taken: _Taken, receiver: str, wanted: Bools) -> ObservationBlock:
-    """The arrays of a block, NaN where nothing was measured."""
-    pr_m, cp_cycles = _range_and_carrier(taken.measurements.view(RAWX_DTYPE))
-    kept = (np.isfinite(pr_m) | np.isfinite(cp_cycles)) & wanted.take(taken.signal)
+def _of_signals(wanted: Bools, taken: _Taken) -> _Taken:
+    """What is taken of signals that are wanted (S,)."""
+    if wanted.all():
+        return taken
+    epoch, column = np.divmod(taken.cell, len(wanted))
+    kept = wanted.take(column)
+    cell = epoch[kept] * np.count_nonzero(wanted) + (np.cumsum(wanted) - 1).take(column[kept])
+    return _Taken(taken.measurements[kept], taken.numbers[wanted], cell)
+
+
+class _Room:
+    """Memory for the arrays of blocks, several megabytes at a time: what systems hand out in small pieces they clear page by page, which
+    takes half as long as the decoding. A block that is kept keeps what was handed out with it."""
+
+    def __init__(self) -> None:
+        self._free = np.empty(0, dtype=np.uint8)
+
+    def arrays(self, n_epochs: int, n_signals: int) -> _Arrays:
+        """Of one receiver's block; nothing is measured yet."""
+        kinds = [np.dtype(np.bool_ if name in ROW_FLAGS else np.float64) for name in ROW_ARRAYS]
+        ends = np.cumsum([n_epochs * n_signals * kind.itemsize for kind in kinds])  # floats first: all begin where they should
+        if ends[-1] > len(self._free):
+            self._free = np.empty(max(int(ends[-1]), ROOM_BYTES), dtype=np.uint8)
+        parts = np.split(self._free[: ends[-1]], ends[:-1])
+        self._free = self._free[-(-ends[-1] // ALIGNED_BYTES) * ALIGNED_BYTES :]
+        arrays = _Arrays._make([part.view(kind).reshape(n_epochs, 1, n_signals) for part, kind in zip(parts, kinds, strict=True)])
+        for array in arrays:
+            array.fill(False if array.dtype == np.bool_ else np.nan)
+        return arrays
+
+
+def _block(epochs: Epochs, taken: _Taken, receiver: str, room: _Room) -> ObservationBlock:
+    """The arrays of a block, NaN where nothing was measured; signals of which nothing was have no place in it."""
+    pr_m, cp_cycles, kept = _range_and_carrier(taken.measurements.view(RAWX_DTYPE))
     if not kept.all():
         pr_m, cp_cycles, taken = pr_m[kept], cp_cycles[kept], _only(kept, taken)
-    signals, column = _columns(taken.signal)
-    shape = (len(epochs.frame), 1, len(signals))
-    place = taken.epoch * len(signals) + column
-    do_hz, cn0_dbhz, lock_s, half_cycle = _others(taken.measurements.view(RAWX_DTYPE))
-    return ObservationBlock(
-        (receiver,),
-        signals,
-        tuple(satellite_of(s) for s in signals),
-        epochs.receive_time_ns,
-        epochs.receive_time_ns[:, None],
-        pseudorange_m=_spread(pr_m, place, np.full(shape, np.nan)),
-        carrier_cycles=_spread(cp_cycles, place, np.full(shape, np.nan)),
-        doppler_hz=_spread(do_hz, place, np.full(shape, np.nan)),
-        cn0_dbhz=_spread(cn0_dbhz, place, np.full(shape, np.nan)),
-        lock_s=_spread(lock_s, place, np.full(shape, np.nan)),
-        slip=_spread(lock_s == 0.0, place, np.zeros(shape, dtype=np.bool_)),
-        half_cycle=_spread(half_cycle, place, np.zeros(shape, dtype=np.bool_)),
-    )
+        measured = np.zeros(len(taken.numbers), dtype=np.bool_)
+        measured[taken.cell % len(measured)] = True
+        taken = _of_signals(measured, taken)
+    others = _others(taken.measurements.view(RAWX_DTYPE))
+    arrays = room.arrays(len(epochs.frame), len(taken.numbers))
+    for array, values in zip(arrays, (pr_m, cp_cycles, *others), strict=True):
+        array.reshape(-1)[taken.cell] = values
+    signals = tuple(ALL_SIGNALS[i] for i in taken.numbers)
+    satellites = tuple(satellite_of(s) for s in signals)
+    return ObservationBlock((receiver,), signals, satellites, epochs.receive_time_ns, epochs.receive_time_ns[:, None], *arrays)
 
 
-def _spread(values: NDArray[_Kind], place: Ints, array: NDArray[_Kind]) -> NDArray[_Kind]:
-    """The array with these values at their places."""
-    array.reshape(-1)[place] = values
-    return array
-
-
-def _columns(numbers: Numbers) -> tuple[tuple[str, ...], Ints]:
-    """The signals among these, in order, and which of them each is."""
-    present = np.zeros(NO_SIGNAL, dtype=np.bool_)
-    present[numbers] = True
-    return tuple(ALL_SIGNALS[i] for i in np.flatnonzero(present)), (np.cumsum(present) - 1).take(numbers)
-
-
-def _range_and_carrier(m: Measurements) -> tuple[Floats, Floats]:
-    """NaN where the receiver does not vouch for them, or they are out of range."""
-    pr_m, cp_cycles, trk_stat = m["pr_m"], m["cp_cycles"], m["trk_stat"]
+def _range_and_carrier(m: Measurements) -> tuple[Floats, Floats, Bools]:
+    """NaN where the receiver does not vouch for them, or they are out of range; and which measurements have one of the two."""
+    pr_m, cp_cycles, trk_stat = (m[field].copy() for field in ("pr_m", "cp_cycles", "trk_stat"))  # side by side
     pr_known = (pr_m >= LEAST_RANGE_M) & (pr_m <= MOST_RANGE_OF_GNSS_M.take(m["gnss_id"])) & (trk_stat & PR_VALID != 0)
     cp_known = (np.abs(cp_cycles) <= MOST_CARRIER_CYCLES) & (trk_stat & CP_VALID != 0)
-    return np.where(pr_known, pr_m, np.nan), np.where(cp_known, cp_cycles, np.nan)
+    pr_m[~pr_known] = np.nan
+    cp_cycles[~cp_known] = np.nan
+    return pr_m, cp_cycles, pr_known | cp_known
 
 
-def _others(m: Measurements) -> tuple[Floats, Floats, Floats, Bools]:
-    """Doppler, C/N0, lock time, half cycle."""
-    do_hz = np.where(np.abs(m["do_hz"]) <= MOST_DOPPLER_HZ, m["do_hz"], np.float32(np.nan)).astype(np.float64)
+def _others(m: Measurements) -> tuple[NDArray[np.float32], Floats, Floats, Bools, Bools]:
+    """Doppler, C/N0, lock time, slip, half cycle."""
+    do_hz = m["do_hz"].copy()
+    do_hz[~(np.abs(do_hz) <= MOST_DOPPLER_HZ)] = np.nan  # before it is widened: to widen a signalling NaN warns
+    lock_s = LOCK_S.take(m["locktime_ms"])
     half_cycle = m["trk_stat"] & (CP_VALID | HALF_CYCLE_RESOLVED) == CP_VALID
-    return do_hz, CN0_DBHZ.take(m["cno_dbhz"]), LOCK_S.take(m["locktime_ms"]), half_cycle
+    return do_hz, CN0_DBHZ.take(m["cno_dbhz"]), lock_s, lock_s == 0.0, half_cycle
