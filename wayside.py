@@ -10,11 +10,12 @@ import sys
 import typer
 
 from integrity.errors import ConfigError, DecodeError, LinkError, RecordingError, WaysideError
+from recordings.campaign.cli import campaign
 from recordings.cli import commands as recordings_commands
 from recordings.cli import recording_commands
 from recordings.keys_cli import commands as keys_commands
 from recordings.sbas_cli import sbas
-from recordings.solve_cli import solve
+from recordings.solve.cli import solve
 from station.cli import commands as station_commands
 from train_client.cli import commands as train_client_commands
 from train_client.cli import train_commands
@@ -34,6 +35,7 @@ app.add_typer(train_client_commands)
 app.add_typer(train_commands, name="train")
 app.add_typer(map_commands, name="map")
 app.add_typer(keys_commands, name="keys")
+app.command()(campaign)
 app.command()(sbas)
 app.command()(solve)
 

@@ -159,6 +159,18 @@ def detect_and_exclude(of: Design, los_enu: Floats, residual_m: Floats, limits: 
     return _merged(checked, at, _search(rows, of.place, limits), of, los_enu, residual_m)
 
 
+def normalised_outside(of: Design, los_enu: Floats, sigma_m: Floats, postfit_m: Floats) -> Floats:
+    """Residuals (E, R, S) of ranges that are not used over the standard deviation of their prediction, sqrt(sigma_i^2 + a_i' M a_i).
+
+    Of the only one that was left out it is what its normalised residual was among all. NaN where its constellation has no clock.
+    Source: Cook, Weisberg, Residuals and Influence in Regression, 1982, 2.2.1 (deleted residuals).
+    """
+    u = los_enu - of.u_mean.take(of.place, axis=-1)
+    predicted_m2 = (1.0 / of.safe).take(of.place, axis=-1) + np.einsum("iers,ijer,jers->ers", u, of.C, u)
+    result: Floats = postfit_m / np.sqrt(sigma_m * sigma_m + predicted_m2)
+    return result
+
+
 def _tested(rows: Rows) -> _Test:
     """Both statistics; shapes (F,) may be (E, R)."""
     n_used = rows.used.sum(axis=-1)

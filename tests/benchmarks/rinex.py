@@ -41,7 +41,8 @@ def read_and_solve(observations: Path, navigation: Path) -> dict[str, Any]:
     """What a process of ours does."""
     from recordings.rinex.navigation import read_navigation
     from recordings.rinex.observation import read_blocks
-    from recordings.solve import Sky, Weights, solved
+    from recordings.solve.sky import Sky, Weights
+    from recordings.solve.track import solved
 
     nav = read_navigation(navigation)
     header, blocks, problems = read_blocks(observations, "A")

@@ -7,8 +7,10 @@ import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from integrity.gnss.detection import Checked, Finding, criteria, detect_and_exclude
+from integrity.gnss.detection import Checked, Finding, criteria, detect_and_exclude, normalised_outside
 from integrity.gnss.least_squares import solution
+from integrity.gnss.leave_one_out import normalised, shares
+from integrity.gnss.suspects import without_suspects
 from tests.unit.gnss.skies import MadeSky, made_sky
 
 LIMITS = criteria(false_alarm=1e-4, most_excluded=3, confusable=0.85, confusion=1e-3)
@@ -74,3 +76,25 @@ def test_epochs_are_decided_one_by_one(sky: MadeSky) -> None:
 @settings(max_examples=100, deadline=None)
 def test_a_bias_common_to_a_receivers_ranges_excludes_nothing(sky: MadeSky, bias_m: float) -> None:
     np.testing.assert_array_equal(checked(sky._replace(residual_m=sky.residual_m + bias_m)).excluded, checked(sky).excluded)
+
+
+@given(skies())
+@settings(max_examples=200, deadline=None)
+def test_without_all_suspects_what_remains_passes_when_it_is_solved_again(sky: MadeSky) -> None:
+    of = sky.design()
+    result = without_suspects(checked(sky), of, sky.los_enu, sky.residual_m, LIMITS)
+    again = detect_and_exclude(sky.design(sky.used & ~result.excluded), sky.los_enu, sky.residual_m, LIMITS)
+    assert (again.finding[result.finding == Finding.EXCLUDED] == Finding.PASSED).all()
+
+
+@given(skies())
+@settings(max_examples=100, deadline=None)
+def test_the_only_range_left_out_is_as_unlikely_as_it_was_among_all(sky: MadeSky) -> None:
+    """Its residual over the standard deviation of its prediction is its normalised residual before it went."""
+    of, _, left_m = sky.solved()
+    before = normalised(of, shares(of, sky.los_enu), left_m)
+    for s in range(len(sky.system_of)):
+        fewer, _, outside_m = sky.solved(sky.used & (np.arange(len(sky.system_of)) != s))
+        after = normalised_outside(fewer, sky.los_enu, sky.sigma_m, outside_m)[..., s]
+        both = np.isfinite(before[..., s]) & np.isfinite(after) & of.used[..., s]
+        np.testing.assert_allclose(after[both], before[..., s][both], rtol=1e-5, atol=1e-6)

@@ -1,4 +1,4 @@
-"""Single receivers of others at known points, all constellations: `recordings.solve`, as far as broadcast data can be right."""
+"""Single receivers of others at known points, all constellations: `recordings.solve.track`, as far as broadcast data can be right."""
 
 from collections.abc import Iterable, Iterator
 from pathlib import Path
@@ -13,7 +13,8 @@ from integrity.gnss.observations import Floats, ObservationBlock
 from integrity.gnss.signals import FIRST_CODES, MONITORED_CODES, SECOND_CODES, Codes
 from recordings.rinex.navigation import NavigationFile, read_navigation
 from recordings.rinex.observation import read_blocks
-from recordings.solve import Sky, Weights, solved
+from recordings.solve.sky import Sky, Weights
+from recordings.solve.track import solved
 
 WEIGHTS = Weights(0.9, 0.4, float(np.deg2rad(5.0)))  # of a site file that says nothing else
 PAIRS: Codes = {s: tuple(f"{a}+{b}" for a in FIRST_CODES[s] for b in SECOND_CODES[s]) for s in "GECJ"}

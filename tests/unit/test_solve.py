@@ -10,7 +10,9 @@ import pytest
 from integrity.gnss.least_squares import Unsolved
 from integrity.gnss.observations import ROW_ARRAYS, ObservationBlock
 from recordings.rinex.observation import read_blocks
-from recordings.solve import Sky, Track, Weights, solved
+from recordings.solve.results import Track
+from recordings.solve.sky import Sky, Weights
+from recordings.solve.track import solved
 from tests.rinex_text import observation_text
 from tests.unit.imported import EPHEMERIDES, KLOBUCHAR, ROWS
 from tests.unit.streams import SITE
@@ -110,3 +112,14 @@ def test_where_no_start_is_found_each_epoch_says_why(tmp_path: Path) -> None:
     found = track(with_ranges(of, ranges), start=None)
     assert {*found.why[::2].tolist()} <= {Unsolved.DIVERGED, Unsolved.POOR_GEOMETRY}
     assert (found.why[1::2] == Unsolved.TOO_FEW_SATELLITES).all()
+
+
+def test_of_several_later_ephemerides_the_next_serves(tmp_path: Path) -> None:
+    """Not the last that was sent, whose orbit is worse the longer before its time."""
+    epoch_ns = block(tmp_path).epoch_ns
+    (mine,) = [eph for eph in EPHEMERIDES if eph.satellite == EPHEMERIDES[0].satellite][:1]
+    later = [
+        replace(mine, issue=k, transmission_ns=int(epoch_ns[-1]) + k * 600 * 10**9, toe_ns=mine.toe_ns + k * 600 * 10**9) for k in (1, 2, 3)
+    ]
+    sky = Sky(later, None)
+    assert {sky.store.ephemerides[k].issue for k in sky.choose((mine.satellite,), epoch_ns)[:, 0].tolist()} == {1}

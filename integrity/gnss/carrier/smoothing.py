@@ -1,9 +1,9 @@
 """Ranges smoothed with the carrier's change (Hatch filter), with their variance and what the ionosphere may do to them.
 
 P_s(t) = a P(t) + (1 - a) (P_s(t - dt) + Phi(t) - Phi(t - dt)), a = 1 / n for the n-th range of an arc until the window is full, then dt
-over the window. Single frequency: the ionosphere delays the code and advances the carrier; a smoothed range lags by twice the change of
-the delay over the mean age of the ranges in it, an error that no variance shows, bounded by `drift_bound_m`. Two frequencies: with the
-carrier of `divergence_free_m` there is none.
+over the window; a range that is 30 m off what the filter carries on begins another. Single frequency: the ionosphere delays the code and
+advances the carrier; a smoothed range lags by twice the change of the delay over the mean age of the ranges in it, an error that no
+variance shows, bounded by `drift_bound_m`. Two frequencies: with the carrier of `divergence_free_m` there is none.
 Sources: Hatch 1982; Hwang, McGraw, Bader 1999 (divergence-free); RTCA DO-229, 2.1.4.1.1 (window of 100 s).
 """
 
@@ -14,6 +14,10 @@ import numpy as np
 from integrity.gnss.carrier.slips import Arcs, Slip
 from integrity.gnss.gps_time import NS_PER_S
 from integrity.gnss.observations import Bools, Floats, Ints, ObservationBlock, freeze
+
+# Noise and multipath of a tracked code stay below; more is a jump of the receiver's clock in the code alone (1 ms is 300 km), or a slip
+# that nothing showed. Own choice.
+MOST_APART_M = 30.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -104,12 +108,12 @@ def _step(
     phased, ranged = np.isfinite(carrier_m), np.isfinite(range_m)
     broken = (state["broken"] > 0.0) | slipped
     dt_s = (time_ns - state["time_ns"]) / NS_PER_S
-    goes_on = phased & ~broken & np.isfinite(state["smoothed_m"]) & (dt_s > 0.0)
+    carried_m = state["smoothed_m"] + (carrier_m - state["carrier_m"])
+    goes_on = phased & ~broken & np.isfinite(state["smoothed_m"]) & (dt_s > 0.0) & ~(np.abs(range_m - carried_m) > MOST_APART_M)
     begins = phased & ranged & ~goes_on
     n = np.where(ranged, state["n"] + 1.0, state["n"])
     with np.errstate(divide="ignore", invalid="ignore"):
         a = np.where(ranged, np.minimum(np.maximum(1.0 / n, dt_s / window_s), 1.0), 0.0)
-    carried_m = state["smoothed_m"] + (carrier_m - state["carrier_m"])
     on = {
         "smoothed_m": np.where(ranged, a * range_m + (1.0 - a) * carried_m, carried_m),
         "variance_m2": np.where(ranged, a * a * variance_m2, 0.0) + (1.0 - a) ** 2 * state["variance_m2"],

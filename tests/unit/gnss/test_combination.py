@@ -3,7 +3,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from integrity.gnss.combination import ionosphere_free
+from integrity.gnss.combination import ionosphere_free, weights_of
 from integrity.gnss.ephemeris.broadcast import KeplerMessage, group_delays_s
 from integrity.gnss.ephemeris.states import satellite_states
 from integrity.gnss.observations import ObservationBlock, ObservationRow, build_block, layout_of
@@ -102,3 +102,39 @@ def test_a_signal_whose_group_delay_nobody_sends_has_no_clock() -> None:
 @pytest.mark.parametrize(("signal", "factor"), [("G05.1C", 1.0), ("G05.2W", (77 / 60) ** 2), ("G05.1C+2W", 0.0)])
 def test_the_ionosphere_delays_a_signal_by_its_frequency(signal: str, factor: float) -> None:
     assert satellite_states((GPS,), np.array([[0]]), T_NS, (signal,)).ionosphere[0, 0] == pytest.approx(factor, rel=1e-12)
+
+
+def phases_of(first: str, second: str, cycles: tuple[float, float], doppler_hz: tuple[float, float]) -> ObservationBlock:
+    n = np.full(2, np.nan)
+    no = np.zeros(2, dtype=np.bool_)
+    row = ObservationRow("A", 0, (first, second), np.full(2, 2.2e7), np.array(cycles), np.array(doppler_hz), n, n, no, no)
+    return ionosphere_free(build_block(("A",), [0], [[row]], layout_of([row], codes=ALL_CODES)))
+
+
+# Wavelengths as the interface documents have them; of GLONASS any channel's.
+@pytest.mark.parametrize(
+    ("first", "second", "ratio", "first_m"),
+    [
+        ("G05.1C", "G05.2W", 77 / 60, 0.19029367),
+        ("E11.1C", "E11.7Q", 77 / 59, 0.19029367),
+        ("C06.2I", "C06.6I", 763 / 620, 0.19203949),
+        ("R07.1C", "R07.2C", 9 / 7, 0.18713637),
+    ],
+)
+def test_the_carrier_of_a_pair_is_the_range_that_the_ionosphere_does_not_advance(
+    first: str, second: str, ratio: float, first_m: float
+) -> None:
+    range_m, ionosphere_m = 2.2e7, 7.3
+    cycles = ((range_m - ionosphere_m) / first_m, (range_m - ionosphere_m * ratio**2) / (first_m * ratio))
+    pairs = phases_of(first, second, cycles, (np.nan, np.nan))
+    assert pairs.carrier_cycles[0, 0, 0] * first_m == pytest.approx(range_m, abs=1e-6)
+
+
+def test_doppler_of_a_pair_is_that_of_the_first() -> None:
+    assert phases_of("G05.1C", "G05.2W", (1.0, 1.0), (-1234.5, np.nan)).doppler_hz[0, 0, 0] == -1234.5
+
+
+# 1 / (1 - (120/154)^2) and the like: RTKLIB's manual takes 3.0, for L1 and L2.
+@pytest.mark.parametrize(("signal", "noise"), [("G05.1C", 1.0), ("G05.1C+2W", 2.978), ("E11.1C+5Q", 2.588), ("C06.2I+6I", 3.527)])
+def test_a_pair_is_noisier_than_its_signals(signal: str, noise: float) -> None:
+    assert np.hypot(*weights_of(signal)) == pytest.approx(noise, abs=1e-3)

@@ -1,0 +1,1 @@
+"""`wayside solve`: positions, velocities, tests and residuals of one receiver over its files."""
