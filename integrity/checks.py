@@ -9,7 +9,7 @@ import numpy as np
 from integrity.config import IntegrityConfig, SiteConfig
 from integrity.exclusion import SatelliteStatistics
 from integrity.gnss.least_squares import Design, Solution, design, solution
-from integrity.gnss.observations import Bools, Floats
+from integrity.gnss.observations import Bools
 from integrity.gnss.positioning import Points, relinearised
 from integrity.gnss.signals import TIME_SCALES
 from integrity.limits import Limits
@@ -46,8 +46,7 @@ def geometry_of(sky: Sky, used: Bools, promises: IntegrityConfig, triangle: Refe
 
 @dataclass(frozen=True, eq=False)
 class BlockChecks:
-    """What was computed on the satellites `used` (E, S): solution, statistics, checks; per satellite `residual_sigmas` (E, S),
-    the normalised residual that all receivers share, and `b_m` (E, R, S)."""
+    """What was computed on the satellites `used` (E, S): solution, statistics, checks, and what the satellites show."""
 
     used: Bools
     solution: Solution
@@ -55,8 +54,7 @@ class BlockChecks:
     reference: ReferenceTriangle
     triangle: TriangleStatistics
     checks: Checks
-    residual_sigmas: Floats
-    b_m: Floats
+    satellites: SatelliteStatistics
 
     @cached_property
     def naming(self) -> NamingStatistics:
@@ -94,4 +92,4 @@ def check(
         "loss": second_worst(streams.lost_share),
     }
     checks = judge(statistics, limits)
-    return BlockChecks(geometry.used, found, var, triangle, of_triangle, checks, shown.residual_sigmas, shown.b_m)
+    return BlockChecks(geometry.used, found, var, triangle, of_triangle, checks, shown)

@@ -82,14 +82,17 @@ class SatelliteInputs(NamedTuple):
         residual_sigmas = seen_by_all(known.normalised)
         b_m = b_values_m(known.residual_m)
         b_sigmas = normalised_b_values(b_m, self.sigma_differential_m)
-        worst_residual, worst_b = worst(residual_sigmas, clocks.used), worst(np.abs(b_sigmas).max(axis=1), clocks.used)
-        return SatelliteStatistics(residual_sigmas, b_m, b_sigmas, worst_residual, worst_b)
+        worst_residual, worst_b = worst(residual_sigmas, clocks.used), worst(np.maximum.reduce(np.abs(b_sigmas), axis=1), clocks.used)
+        return SatelliteStatistics(known.residual_m, clocks.scale_m, residual_sigmas, b_m, b_sigmas, worst_residual, worst_b)
 
 
 class SatelliteStatistics(NamedTuple):
-    """`residual_sigmas` (E, S), the normalised residual that all receivers share; B-values `b_m` and, in sigmas, `b_sigmas` (E, R, S);
-    of each the worst among the satellites used, `worst_residual` and `worst_b` (E,)."""
+    """`residual_m` (E, R, S) and their standard deviation `scale_m` (E, 1, S); `residual_sigmas` (E, S), the normalised residual that all
+    receivers share; B-values `b_m` and, in sigmas, `b_sigmas` (E, R, S); of each the worst among the satellites used, `worst_residual` and
+    `worst_b` (E,)."""
 
+    residual_m: Floats
+    scale_m: Floats
     residual_sigmas: Floats
     b_m: Floats
     b_sigmas: Floats

@@ -8,7 +8,7 @@ Section numbers are those of the project's notes on ground integrity; "own choic
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from functools import cached_property
+from functools import cached_property, lru_cache
 from math import exp, log, sqrt
 
 import numpy as np
@@ -53,6 +53,7 @@ class Limits:
     log_likelihood_ratio: float  # naming (iv)
     jump_log_likelihood_ratio: float  # the same for what moved: stricter, since it comes on top of (iv)
     collapse_fit: float  # the solved points are one point: chi-square with 6 degrees of freedom
+    undetected_sigmas: float  # of a satellite's range: what residuals miss with the accepted probability; section 2.3, E_i
     min_common_satellites: int
     max_exclusions_per_epoch: int
     elevation_mask_rad: float
@@ -97,6 +98,7 @@ class Limits:
         return self.by_name[name].value
 
 
+@lru_cache(maxsize=16)
 def derive(site: SiteConfig, triangle: ReferenceTriangle) -> Limits:
     """All limits of a site; ConfigError where its promises contradict each other or its triangle."""
     promises = site.integrity
@@ -197,6 +199,7 @@ def derive(site: SiteConfig, triangle: ReferenceTriangle) -> Limits:
         log_likelihood_ratio=log(1000.0),
         jump_log_likelihood_ratio=log(10_000.0),
         collapse_fit=chi2_quantile(min(p_md, 1e-5), 6),
+        undetected_sigmas=k_residual + gauss_quantile(p_md / n),  # any one of the receivers may be the one that misses it
         min_common_satellites=5,
         max_exclusions_per_epoch=3,
         elevation_mask_rad=float(np.deg2rad(promises.elevation_mask_deg)),

@@ -9,6 +9,7 @@ from integrity.exclusion import Channel, Exclusion
 from integrity.gnss.observations import Bools, Floats, Ints, freeze
 from integrity.states import Cause, Outcome, State
 from integrity.verdict import Verdict
+from integrity.vouching import MonitoredSignal
 
 
 @dataclass(frozen=True, eq=False)
@@ -48,7 +49,9 @@ class EpochReport:
     @property
     def not_monitored(self) -> tuple[str, ...]:
         """Checks that had no input."""
-        return tuple(self.check_names[c] for c in np.flatnonzero(self.outcome == Outcome.NOT_MONITORED))
+        return tuple(
+            name for name, outcome in zip(self.check_names, self.outcome.tolist(), strict=True) if outcome == Outcome.NOT_MONITORED
+        )
 
     @property
     def excluded(self) -> tuple[str, ...]:
@@ -69,8 +72,13 @@ class HealthReport:
     subjects: tuple[str, ...]
     reasons: tuple[str, ...]
     not_monitored: tuple[str, ...]
-    monitored: tuple[str, ...]  # signals a train may use
+    vouched: tuple[MonitoredSignal, ...]
     excluded: tuple[str, ...]
+
+    @property
+    def monitored(self) -> tuple[str, ...]:
+        """Signals that a train may use."""
+        return tuple(of.signal for of in self.vouched)
 
 
 @dataclass(frozen=True)

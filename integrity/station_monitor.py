@@ -39,6 +39,7 @@ from integrity.states import Cause, State
 from integrity.stream_memory import StreamMemory, StreamStatistics, advance
 from integrity.triangle import reference_triangle
 from integrity.verdict import CLEAN, Evidence, Verdict, clean_epochs, fails_only, full_verdict, triangle_verdict
+from integrity.vouching import MonitoredSignal, vouched_for
 
 MOST_EPOCHS_PER_BLOCK = 1024
 
@@ -169,7 +170,7 @@ class StationMonitor:
         remembered = self._streams.signals_since(epochs[0].epoch_ns - self.limits.remember_satellite_ns)
         layout, sky = self._last and self._last.layout, self._ahead and self._ahead.sky
         sight = observe(epochs, self._store, self._points, self.site, self.limits, remembered, layout, sky)
-        memory, streams = advance(self._streams, sight.block, sight.sky.high, self.limits)
+        memory, streams = advance(self._streams, sight.heard, sight.heard_high, sight.bands, self.limits)
         screened = sight.satellites.screened
         of_screened = self._geometry(sight.sky, screened)
         on_screened = sight.satellites.statistics_by(of_screened.clocks)
@@ -231,13 +232,14 @@ class StationMonitor:
             outcome=full.checks.outcome[e],
             signals=decided.sight.block.signals,
             used=full.used[e],
-            residual_sigmas=full.residual_sigmas[e],
-            b_m=full.b_m[e],
+            residual_sigmas=full.satellites.residual_sigmas[e],
+            b_m=full.satellites.b_m[e],
         )
-        monitored = tuple(s for s, used in zip(report.signals, report.used, strict=True) if used)
         left_out = tuple(f"{c.satellite} left out: {c.receiver} differs, B {c.statistic:.3g} > {c.threshold:.3g}" for c in report.channels)
-        reasons = verdict.reasons + left_out + remarks(epoch.statuses, self.triangle)
-        health = self._health_report(epoch.epoch_ns, epoch.mono_ns, reasons, report.not_monitored, monitored, report.excluded)
+        lacking = decided.sight.lacking(e, self.limits.min_common_satellites)
+        reasons = verdict.reasons + left_out + lacking + remarks(epoch.statuses, self.triangle)
+        vouched = vouched_for(decided.sight, full, e, self.limits)
+        health = self._health_report(epoch.epoch_ns, epoch.mono_ns, reasons, report.not_monitored, vouched, report.excluded)
         return [report, health, *self._alerts(before, epoch.epoch_ns, epoch.mono_ns, reasons)]
 
     def _verdict(self, decided: _Decided, e: int, exclusions: tuple[Exclusion, ...]) -> Verdict:
@@ -283,7 +285,7 @@ class StationMonitor:
         mono_ns: int,
         reasons: tuple[str, ...],
         not_monitored: tuple[str, ...],
-        monitored: tuple[str, ...],
+        vouched: tuple[MonitoredSignal, ...],
         excluded: tuple[str, ...],
     ) -> HealthReport:
         self._sequence += 1
@@ -298,7 +300,7 @@ class StationMonitor:
             subjects=now.subjects,
             reasons=reasons,
             not_monitored=not_monitored,
-            monitored=monitored,
+            vouched=vouched,
             excluded=excluded,
         )
 

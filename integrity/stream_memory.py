@@ -1,5 +1,6 @@
 """What is remembered of every receiver's signals from epoch to epoch: when seen last, last range, usual strength."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -39,7 +40,7 @@ class StreamMemory:
 
     def signals_since(self, gps_ns: int) -> tuple[str, ...]:
         """Signals that some receiver saw at or after a GPS time."""
-        recent: Bools = np.any(self.last_seen_ns >= gps_ns, axis=0)
+        recent: Bools = np.logical_or.reduce(self.last_seen_ns >= gps_ns, axis=0)
         return self.signals if recent.all() else tuple(s for s, keep in zip(self.signals, recent, strict=True) if keep)
 
     def on(self, signals: tuple[str, ...]) -> "StreamMemory":
@@ -58,13 +59,30 @@ class StreamMemory:
         )
 
 
-def advance(memory: StreamMemory, block: ObservationBlock, high: Bools, limits: Limits) -> tuple[StreamMemory, StreamStatistics]:
-    """The memory after a block, and what the streams show in it; `high` (E, R, S): satellites that no receiver loses by itself."""
+def advance(
+    memory: StreamMemory, block: ObservationBlock, high: Bools, bands: Sequence[slice | Ints], limits: Limits
+) -> tuple[StreamMemory, StreamStatistics]:
+    """The memory after a block, and what the streams show in it; `high` (E, R, S): satellites that no receiver loses by itself.
+
+    Signals are watched by `bands`, columns that are disturbed together: what counts is the worst of them.
+    """
     before = memory.on(block.signals)
     seen = np.isfinite(block.pseudorange_m)
     seen_ns = last_seen(seen, block.epoch_ns, before.last_seen_ns)
     recent = seen_ns[:-1] >= block.epoch_ns[:, None, None] - limits.remember_satellite_ns
-    drop_db, baseline = cn0_drop_db(block.cn0_dbhz, recent, block.epoch_ns, before.cn0_baseline_dbhz, before.epoch_ns)
+    lost_of = recent & high
+    baseline = np.empty(before.cn0_baseline_dbhz.shape)
+    shown = []
+    for band in bands:
+        cn0, usual = block.cn0_dbhz[..., band], before.cn0_baseline_dbhz[:, band]
+        drop_db, baseline[:, band] = cn0_drop_db(cn0, recent[..., band], block.epoch_ns, usual, before.epoch_ns)
+        repeating = repeating_receivers(block.pseudorange_m[..., band], before.pseudorange_m[:, band])
+        shown.append(StreamStatistics(repeating, drop_db, lost_share(seen[..., band], lost_of[..., band])))
     after = StreamMemory(block.signals, int(block.epoch_ns[-1]), np.array(seen_ns[-1]), np.array(block.pseudorange_m[-1]), baseline)
-    repeating = repeating_receivers(block.pseudorange_m, before.pseudorange_m)
-    return after, StreamStatistics(repeating, drop_db, lost_share(seen, recent & high))
+    return after, shown[0] if len(shown) == 1 else _worst(shown)
+
+
+def _worst(of_bands: Sequence[StreamStatistics]) -> StreamStatistics:
+    """Of several bands; a band without a statistic says nothing."""
+    repeating, drop_db, lost = zip(*of_bands, strict=True)
+    return StreamStatistics(np.logical_or.reduce(repeating), np.fmax.reduce(drop_db), np.fmax.reduce(lost))

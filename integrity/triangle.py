@@ -1,6 +1,7 @@
 """The reference triangle, the tolerance circles, and the solved triangle of one epoch."""
 
 from dataclasses import dataclass
+from functools import lru_cache
 from itertools import combinations
 
 import numpy as np
@@ -35,6 +36,7 @@ class ReferenceTriangle:
         return {(self.names[a], self.names[b]): float(np.linalg.norm(self.pos_ecef_m[a] - self.pos_ecef_m[b])) for a, b in pairs}
 
 
+@lru_cache(maxsize=16)
 def reference_triangle(site: SiteConfig) -> ReferenceTriangle:
     """The triangle of a site file. The points are taken as they are: plausibility is checked where the file is read."""
     points = np.array([r.position_ecef_m for r in site.receivers], dtype=np.float64)

@@ -6,12 +6,15 @@ import sys
 import time
 from collections.abc import Iterator, Sequence
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 from integrity.errors import ConfigError, DecodeError
 from integrity.events import Event
+
+if TYPE_CHECKING:
+    from recordings.replay import Replayable
 
 commands = typer.Typer(no_args_is_help=True)
 recording_commands = typer.Typer(no_args_is_help=True, help="Look at a recording, check it, save what is whole of it.")
@@ -97,6 +100,7 @@ def replay(
     epochs: Annotated[Path | None, typer.Option("--epochs", help="CSV with a row per epoch.")] = None,
     out: Annotated[Path | None, typer.Option("--out", help="A new recording with these decisions.")] = None,
     diff: Annotated[bool, typer.Option("--diff", help="Compare with the recorded decisions; exit 1 on any difference.")] = False,
+    calibrate: Annotated[Path | None, typer.Option("--calibrate", help="Measure the site's sigmas: an [integrity] table (TOML).")] = None,
     plot: Annotated[Path | None, typer.Option("--plot", help="Picture of triangle, errors and states (SVG).")] = None,
     fail_on: Annotated[str | None, typer.Option("--fail-on", help="'alert': exit 3 if anything but NORMAL after start-up.")] = None,
     as_json: Json = False,
@@ -136,6 +140,8 @@ def replay(
         talk(f"{out}: recorded with these decisions")
     if epochs:
         write_epochs_csv(epochs, reports, chosen.config.receiver_names)
+    if calibrate:
+        _calibrate(calibrate, recording, todo, start_ns, end_ns)
     if plot:
         from recordings.report.plot import replay_svg
 
@@ -155,6 +161,18 @@ def replay(
             raise typer.Exit(1)
     if fail_on == "alert" and alerted(summary):
         raise typer.Exit(3)
+
+
+def _calibrate(output: Path, recording: Path, todo: "Replayable", start_ns: int | None, end_ns: int | None) -> None:
+    from recordings.calibrate import calibrate as measured
+    from recordings.calibrate_samples import samples
+    from recordings.calibrate_text import integrity_table, warnings
+
+    found = measured(samples(todo.site.config, todo.events, todo.snapshot, start_ns, end_ns), todo.site.config)
+    output.write_text(integrity_table(found, todo.site, recording.name), "utf-8")
+    for warning in warnings(found):
+        talk(f"WARNING: {warning}")
+    talk(f"{output}: sigmas measured on {found.epochs} epochs, {found.hours:.1f} h; replace the [integrity] table of the site file with it")
 
 
 @commands.command()
@@ -210,7 +228,7 @@ def simulate(
     site = story.site
     address = None if serve is None else _first_address(serve, len(site.config.receivers))
     faults = parse_faults(story.faults, str(scenario), story.start_ns, site.config) if story.faults.strip() else ()
-    measured = simulated(site.config, story.start_ns, story.duration_s, story.rate_hz, story.seed)
+    measured = simulated(site.config, story.start_ns, story.duration_s, story.rate_hz, story.seed, frequencies=story.frequencies)
     before_receivers = [fault for fault in faults if not at_link(fault)]
     sent = as_sent(with_faults(measured, before_receivers, site.config), antennas_of(site.config), site.config.protocols)
     events = with_faults(sent, [fault for fault in faults if at_link(fault)], site.config)

@@ -9,6 +9,7 @@ from itertools import combinations
 
 import numpy as np
 
+from integrity.config import SIGMAS_OF_PAIRS_M, SIGMAS_OF_SIGNALS_M, IntegrityConfig
 from integrity.gnss.frames import ecef_from_geodetic, geodetic_from_ecef
 from recordings.site_schema import ReceiverSection, SiteSection, source_problem
 from recordings.toml_file import Problem, TomlDocument
@@ -76,8 +77,9 @@ def coinciding(document: TomlDocument, points: Mapping[str, EcefPoint]) -> Itera
             yield document.problem(_position_parts(document, b), message)
 
 
-def collapse_impossible(document: TomlDocument, points: Mapping[str, EcefPoint], sigma_differential_m: float) -> Iterator[Problem]:
+def collapse_impossible(document: TomlDocument, points: Mapping[str, EcefPoint], promises: IntegrityConfig) -> Iterator[Problem]:
     """A triangle too small for the promised test whether all receivers hear one transmitter."""
+    sigma_differential_m = promises.sigma_differential_m
     root_mean_square_m = math.hypot(*sides_m(points).values()) / math.sqrt(3.0)
     separation = root_mean_square_m / sigma_differential_m
     if len(points) == 3 and not separation >= COLLAPSE_SIGMAS:
@@ -86,7 +88,8 @@ def collapse_impossible(document: TomlDocument, points: Mapping[str, EcefPoint],
         message = (
             f"too small a triangle for the promised collapse test (spoofing): sqrt(Lambda) is {separation:.2f}, expected 12 or more. "
             f"What would do: sides of {needed_m:.1f} m (root mean square; now {root_mean_square_m:.2f} m), "
-            f"or a measured sigma_differential_m of at most {proven_m:.3f} (now {sigma_differential_m:g})"
+            f"or a measured sigma_differential_m of at most {proven_m:.3f} (now {sigma_differential_m:g}"
+            f"{', that of pairs: frequencies = 2' if promises.frequencies == 2 else ''})"
         )
         yield document.problem(("receivers",), message)
 
@@ -117,6 +120,17 @@ def spacing_warnings(document: TomlDocument, points: Mapping[str, EcefPoint], si
         if side_m > LONG_SIDE_M:
             message = f"{side_m / 1000.0:.1f} km from receiver {a}, over 10 km: the atmosphere differs at the two ends"
             yield document.problem(parts, f"{message}; make sure that sigma_differential_m was measured at this site")
+
+
+def pair_warnings(document: TomlDocument, promises: IntegrityConfig) -> Iterator[Problem]:
+    """Sigmas stated for pairs that look as if they were those of single signals."""
+    stated = document.values.get("integrity", {}) if promises.frequencies == 2 else {}
+    for name, sigma_m in SIGMAS_OF_PAIRS_M.items():
+        usual_m = SIGMAS_OF_SIGNALS_M[name]
+        if usual_m < sigma_m and name in stated and stated[name] <= usual_m:
+            message = f"no more than is usual of one signal ({usual_m:g}), and the noise of pairs (frequencies = 2) is about three times"
+            message += f" as much; make sure that it was measured on pairs, or leave it out ({sigma_m:g})"
+            yield document.problem(("integrity", name), message)
 
 
 def sharing_warnings(document: TomlDocument, receivers: Mapping[str, ReceiverSection]) -> Iterator[Problem]:

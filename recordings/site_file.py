@@ -9,7 +9,7 @@ from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from integrity.config import IntegrityConfig, ReceiverConfig, SiteConfig
+from integrity.config import SIGMAS_OF_PAIRS_M, SIGMAS_OF_SIGNALS_M, IntegrityConfig, ReceiverConfig, SiteConfig
 from integrity.gnss.gps_time import NS_PER_S
 from recordings import site_checks
 from recordings.site_checks import EcefPoint
@@ -118,8 +118,9 @@ def examine_site(document: TomlDocument) -> SiteFindings:
     config = None
     if not unsound and not point_problems and len(points) == len(receivers) == 3:
         config = _site_config(site, receivers, points, integrity, publish.valid_for_ms)
-        problems += site_checks.collapse_impossible(document, points, integrity.sigma_differential_m)
-        warnings += site_checks.spacing_warnings(document, points, integrity.sigma_differential_m)
+        problems += site_checks.collapse_impossible(document, points, config.integrity)
+        warnings += site_checks.spacing_warnings(document, points, config.integrity.sigma_differential_m)
+        warnings += site_checks.pair_warnings(document, config.integrity)
     refused = {problem.key for problem in problems}
     warnings = [warning for warning in warnings if warning.key not in refused]
     return SiteFindings(by_line(problems), by_line(warnings), config, receivers, publish, record, page)
@@ -162,10 +163,6 @@ def _read_receivers(document: TomlDocument) -> tuple[dict[str, ReceiverSection],
 def _site_config(
     site: SiteSection, receivers: dict[str, ReceiverSection], points: dict[str, EcefPoint], integrity: IntegritySection, valid_for_ms: int
 ) -> SiteConfig:
-    promises = integrity.model_dump()
-    for name in ("sigma_common", "sigma_differential"):
-        if promises[f"{name}_up_m"] is None:
-            promises[f"{name}_up_m"] = 2.0 * promises[f"{name}_m"]
     config = SiteConfig(
         site_id=site.id,
         frame=site.frame,
@@ -184,11 +181,23 @@ def _site_config(
             )
             for name, receiver in receivers.items()
         ),
-        integrity=IntegrityConfig(**promises),
+        integrity=_promises(integrity),
         valid_for_ms=valid_for_ms,
         config_sha256="",
     )
     return replace(config, config_sha256=config_sha256(config))
+
+
+def _promises(integrity: IntegritySection) -> IntegrityConfig:
+    """With the sigmas that are left out."""
+    promises = integrity.model_dump()
+    for name, sigma_m in (SIGMAS_OF_PAIRS_M if integrity.frequencies == 2 else SIGMAS_OF_SIGNALS_M).items():
+        if promises[name] is None:
+            promises[name] = sigma_m
+    for name in ("sigma_common", "sigma_differential"):
+        if promises[f"{name}_up_m"] is None:
+            promises[f"{name}_up_m"] = 2.0 * promises[f"{name}_m"]
+    return IntegrityConfig(**promises)
 
 
 def config_sha256(config: SiteConfig) -> str:

@@ -22,13 +22,15 @@ _GGA = rf"gga={_LATITUDE},{_LONGITUDE},-?[0-9]{{1,4}}(?:\.[0-9]*)?"
 _CA = r"ca=[^\s&?#@]+"
 _MOUNT = rf"//((?P<credentials>\S*)@)?(?P<host>{_HOST}):(?P<port>{_PORT})/(?P<mount>[^\s/?#]+)"
 SIGMA_TEXT = "a standard deviation in metres, above 0 (from 1e-6) and at most 1000"  # squares and ratios then stay finite
+FREQUENCIES_TEXT = "1 (of every satellite one signal) or 2 (pairs of signals that the ionosphere does not delay)"
 
 Name = Annotated[str, Field(pattern=f"^{NAME_PATTERN}$", description='a name of letters, digits, "-" and "_", such as "north-1"')]
 Text = Annotated[str, Field(min_length=1, description="text in quotes, not empty")]
 OptionalText = Annotated[str | None, Field(min_length=1, description="text in quotes, not empty")]
 OptionalProtocol = Annotated[Protocol | None, Field(description='"ubx" or "rtcm3"')]
 Sigma = Annotated[float, Field(ge=1e-6, le=1000, description=SIGMA_TEXT)]
-SigmaUp = Annotated[float | None, Field(ge=1e-6, le=1000, description=SIGMA_TEXT)]
+OptionalSigma = Annotated[float | None, Field(ge=1e-6, le=1000, description=SIGMA_TEXT)]
+Frequencies = Annotated[int, Field(ge=1, le=2, description=FREQUENCIES_TEXT)]
 PerYear = Annotated[float, Field(gt=0, le=1000, description="a number per year, above 0 and at most 1000")]
 Correlation = Annotated[float, Field(gt=0, le=1e6, description="a correlation time in seconds, above 0 and at most 1000000")]
 MonitoredSystem = Literal["GPS", "Galileo", "BeiDou", "QZSS", "GLONASS"]
@@ -80,7 +82,10 @@ class ReceiverSection(Section):
 
 
 class IntegritySection(Section):
-    """`[integrity]`: promises and error models, see `integrity.config`. A vertical sigma left out is twice the horizontal one."""
+    """`[integrity]`: promises and error models, see `integrity.config`.
+
+    Sigmas left out are those of the `frequencies` (`SIGMAS_OF_SIGNALS_M`, `SIGMAS_OF_PAIRS_M`), vertical ones twice the horizontal.
+    """
 
     rule: Rule = IntegrityConfig.rule
     on_satellite_fault: SatelliteFaultPolicy = IntegrityConfig.on_satellite_fault
@@ -90,17 +95,18 @@ class IntegritySection(Section):
         IntegrityConfig.missed_detection
     )
     tolerance_m: Annotated[float | None, Field(gt=0, le=1e5, description="metres, above 0 and at most 100000")] = None
-    sigma_common_m: Sigma = IntegrityConfig.sigma_common_m
-    sigma_differential_m: Sigma = IntegrityConfig.sigma_differential_m
-    sigma_common_up_m: SigmaUp = None
-    sigma_differential_up_m: SigmaUp = None
-    sigma_range_m: Sigma = IntegrityConfig.sigma_range_m
-    sigma_range_low_m: Sigma = IntegrityConfig.sigma_range_low_m
-    sigma_range_differential_m: Sigma = IntegrityConfig.sigma_range_differential_m
-    sigma_range_differential_low_m: Sigma = IntegrityConfig.sigma_range_differential_low_m
+    sigma_common_m: OptionalSigma = None
+    sigma_differential_m: OptionalSigma = None
+    sigma_common_up_m: OptionalSigma = None
+    sigma_differential_up_m: OptionalSigma = None
+    sigma_range_m: OptionalSigma = None
+    sigma_range_low_m: OptionalSigma = None
+    sigma_range_differential_m: OptionalSigma = None
+    sigma_range_differential_low_m: OptionalSigma = None
     correlation_common_s: Correlation = IntegrityConfig.correlation_common_s
     correlation_differential_s: Correlation = IntegrityConfig.correlation_differential_s
     systems: Systems = ("GPS", "Galileo", "BeiDou", "QZSS")
+    frequencies: Frequencies = IntegrityConfig.frequencies
     elevation_mask_deg: Annotated[float, Field(ge=0, le=45, description="degrees, from 0 to 45")] = IntegrityConfig.elevation_mask_deg
     recover_after_s: Annotated[float, Field(ge=0, le=1e6, description="seconds, from 0 to 1000000")] = IntegrityConfig.recover_after_s
 

@@ -110,6 +110,7 @@ def _facts_lines(facts: SiteFacts, ok: bool) -> list[str]:
         f"frame          {config.frame}, epoch {'unstated' if config.frame_epoch is None else f'{config.frame_epoch:.2f}'}",
         f"configuration  {config.config_sha256 if ok else 'none: the file is refused'}",
         f"systems        {', '.join(config.integrity.systems)}",
+        f"frequencies    {'2: pairs of signals, free of the ionosphere' if config.integrity.frequencies == 2 else '1'}",
         f"sides          {', '.join(f'{ends} {side_m:.2f} m' for ends, side_m in facts.sides_m.items())}",
         f"angles         {', '.join(f'{name} {angle_deg:.1f} deg' for name, angle_deg in facts.angles_deg.items())}",
     ]

@@ -24,7 +24,8 @@ class AntennaConfig:
 class TrainConfig:
     """A train. `facing`: front end towards increasing (1) or decreasing (-1) offsets of the map; 0: as the antennas say.
 
-    Range sigmas, m: a single range has sqrt(a^2 + (b / sin el)^2) with a, b as here, times URA / 2.4 m where the broadcast promises less.
+    Range sigmas, m: a single range has sqrt(a^2 + (b / sin el)^2) with a, b as here, times URA / 2.4 m where the broadcast promises less;
+    a pair of two frequencies has sigmas of its own.
     """
 
     train_id: str
@@ -35,6 +36,8 @@ class TrainConfig:
     most_speed_mps: float
     sigma_range_m: float
     sigma_range_low_m: float
+    sigma_range_pair_m: float
+    sigma_range_pair_low_m: float
     station: str
     max_valid_ms: int
     trust: TrustLimits

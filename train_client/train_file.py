@@ -15,6 +15,7 @@ from recordings.site_schema import (
     Endpoints,
     Name,
     OptionalProtocol,
+    OptionalSigma,
     OptionalText,
     Section,
     Sigma,
@@ -28,6 +29,9 @@ from train_client.config import AntennaConfig, TrainConfig
 from train_client.trust import TrustLimits
 
 FACING = {"increasing": 1, "decreasing": -1, "either": 0}
+# Noise and multipath of GPS L1 and L2 combined, 2.98 times those of one (IS-GPS-200, 20.3.3.3.3.3, of errors alike and independent), as if
+# all of a range's error were of that kind: on a train, between reflecting surfaces, most of it is. Measure it on yours.
+PAIR_OVER_SINGLE = 3.0
 Metres = Annotated[float, Field(ge=-1000, le=1000, description="metres, from -1000 to 1000")]
 
 
@@ -45,6 +49,8 @@ class TrainSection(Section):
     max_speed_mps: Annotated[float, Field(gt=0, le=200, description="metres per second, above 0 and at most 200")] = 100.0
     sigma_range_m: Sigma = 1.0  # own choice: twice what a good receiver has on open line; measure it on yours
     sigma_range_low_m: Sigma = 0.5
+    sigma_range_pair_m: OptionalSigma = None  # by default `PAIR_OVER_SINGLE` times those of one signal
+    sigma_range_pair_low_m: OptionalSigma = None
 
 
 class AntennaSection(Section):
@@ -200,6 +206,8 @@ def _config(train: TrainSection, antennas: list[AntennaSection], trust: TrustSec
         most_speed_mps=train.max_speed_mps,
         sigma_range_m=train.sigma_range_m,
         sigma_range_low_m=train.sigma_range_low_m,
+        sigma_range_pair_m=train.sigma_range_pair_m or PAIR_OVER_SINGLE * train.sigma_range_m,
+        sigma_range_pair_low_m=train.sigma_range_pair_low_m or PAIR_OVER_SINGLE * train.sigma_range_low_m,
         station=trust.stations[0],
         max_valid_ms=trust.max_valid_ms,
         trust=TrustLimits(trust.recover_messages, round(trust.no_comms_after_s * NS_PER_S)),

@@ -56,6 +56,7 @@ BAND_HZ = {
 }
 GLONASS_BAND_HZ = {"1": (1_602.0e6, 562.5e3), "2": (1_246.0e6, 437.5e3)}  # of channel 0, and between channels
 GLONASS_CHANNELS = range(-7, 7)
+BETWEEN_BANDS_HZ = 1.4e9  # satellite navigation has 1164 to 1300 MHz and 1559 to 1610 MHz: ITU Radio Regulations, article 5
 
 # Bands in the order of the group delays of an ephemeris (`ephemeris.broadcast.group_delays_s`).
 DELAY_BANDS = {"G": "12", "J": "12", "E": "175", "C": "276", "R": "12", "S": "1"}
@@ -66,6 +67,16 @@ UNKNOWN_BAND = -1
 def first_codes_of(systems: tuple[str, ...]) -> Codes:
     """`FIRST_CODES` of systems given by name."""
     return {system: FIRST_CODES[system] for system, name in SYSTEM_NAMES.items() if name in systems}
+
+
+@lru_cache(maxsize=64)
+def pair_codes_of(systems: tuple[str, ...]) -> Codes:
+    """The codes that pairs are made of, `FIRST_CODES` and `SECOND_CODES`, of systems given by name that have both."""
+    return {
+        system: tuple(dict.fromkeys(FIRST_CODES[system] + SECOND_CODES[system]))
+        for system, name in SYSTEM_NAMES.items()
+        if name in systems and system in SECOND_CODES
+    }
 
 
 def satellite_of(signal: str) -> str:
@@ -86,6 +97,17 @@ def is_beidou_2(satellite: str) -> bool:
 def bands_of(signal: str) -> tuple[str, ...]:
     """`("1",)` of `G05.1C`, `("1", "2")` of the pair `G05.1C+2W`."""
     return tuple(code[:1] for code in signal.partition(".")[2].split("+"))
+
+
+def is_pair(signal: str) -> bool:
+    """Whether it is two signals combined into one range."""
+    return "+" in signal
+
+
+def is_in_lower_band(signal: str) -> bool:
+    """Whether a signal that stands alone is one of L2, L5, E5, E6, B2, B3, G2, G3: what disturbs them seldom disturbs those around L1."""
+    carrier = carrier_hz(signal[:1], bands_of(signal)[0])
+    return carrier is not None and carrier[0] < BETWEEN_BANDS_HZ
 
 
 def delay_band(system: str, band: str) -> int:
@@ -114,8 +136,12 @@ def ionosphere_free_weights(system: str, first: str, second: str) -> tuple[float
 
 
 @lru_cache(maxsize=4096)
-def preference(signal: str) -> tuple[str, int, str]:
-    """Sort key: satellites by name, of each satellite the signals of `FIRST_CODES` first, in that order."""
+def preference(signal: str) -> tuple[str, int, int, str]:
+    """Sort key: satellites by name, of each satellite the signals of `FIRST_CODES` first, in that order; pairs by both their codes."""
     satellite, _, code = signal.partition(".")
-    codes = FIRST_CODES.get(satellite[:1], ())
-    return satellite, codes.index(code) if code in codes else len(codes), code
+    first, _, second = code.partition("+")
+    return satellite, _place(first, FIRST_CODES.get(satellite[:1], ())), _place(second, SECOND_CODES.get(satellite[:1], ())), code
+
+
+def _place(code: str, codes: tuple[str, ...]) -> int:
+    return codes.index(code) if code in codes else len(codes)

@@ -12,6 +12,7 @@ from integrity.gnss.least_squares import Unsolved
 from integrity.messages import wayside_pb2 as pb
 from integrity.outputs import Alert, EpochReport, HealthReport, Output
 from integrity.states import Cause, Outcome, State
+from integrity.vouching import MonitoredSignal
 
 STATES = {State.NORMAL: pb.NORMAL, State.SATELLITE_ANOMALY: pb.SATELLITE_ANOMALY, State.NOT_CONFIRMABLE: pb.NOT_CONFIRMABLE}
 CAUSES = {cause: pb.CAUSE_UNSPECIFIED if cause is Cause.NONE else getattr(pb, cause.name) for cause in Cause}
@@ -48,9 +49,23 @@ def encode_health(health: HealthReport, site: SiteConfig, software: str, boot_id
         reasons=health.reasons,
         not_monitored=health.not_monitored,
         monitored=health.monitored,
+        monitored_signals=[encode_monitored(of) for of in health.vouched],
         excluded_satellites=health.excluded,
         config_sha256=site.config_sha256,
         software=software,
+    )
+
+
+def encode_monitored(of: MonitoredSignal) -> pb.MonitoredSignal:
+    """What a train needs of one signal."""
+    return pb.MonitoredSignal(
+        signal=of.signal,
+        issue=of.issue,
+        ephemeris_crc32=of.ephemeris_crc32,
+        undetected_range_m=of.undetected_range_m,
+        correction_m=of.correction_m,
+        correction_sigma_m=of.correction_sigma_m,
+        b_m=of.b_m,
     )
 
 

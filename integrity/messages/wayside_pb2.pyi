@@ -339,7 +339,7 @@ class GlonassOrbit(_message.Message):
     def __init__(self, channel: _Optional[int] = ..., x_m: _Optional[float] = ..., y_m: _Optional[float] = ..., z_m: _Optional[float] = ..., vx_mps: _Optional[float] = ..., vy_mps: _Optional[float] = ..., vz_mps: _Optional[float] = ..., ax_mps2: _Optional[float] = ..., ay_mps2: _Optional[float] = ..., az_mps2: _Optional[float] = ..., tau_n_s: _Optional[float] = ..., gamma_n: _Optional[float] = ..., delta_tau_n_s: _Optional[float] = ...) -> None: ...
 
 class Health(_message.Message):
-    __slots__ = ["boot_id", "cause", "config_sha256", "covers_from_gps_ns", "covers_to_gps_ns", "excluded_satellites", "gps_time_ns", "issued_mono_ns", "monitored", "not_monitored", "reasons", "sequence", "site", "software", "state", "subjects", "utc_ns", "valid_for_ms"]
+    __slots__ = ["boot_id", "cause", "config_sha256", "covers_from_gps_ns", "covers_to_gps_ns", "excluded_satellites", "gps_time_ns", "issued_mono_ns", "monitored", "monitored_signals", "not_monitored", "reasons", "sequence", "site", "software", "state", "subjects", "utc_ns", "valid_for_ms"]
     BOOT_ID_FIELD_NUMBER: _ClassVar[int]
     CAUSE_FIELD_NUMBER: _ClassVar[int]
     CONFIG_SHA256_FIELD_NUMBER: _ClassVar[int]
@@ -349,6 +349,7 @@ class Health(_message.Message):
     GPS_TIME_NS_FIELD_NUMBER: _ClassVar[int]
     ISSUED_MONO_NS_FIELD_NUMBER: _ClassVar[int]
     MONITORED_FIELD_NUMBER: _ClassVar[int]
+    MONITORED_SIGNALS_FIELD_NUMBER: _ClassVar[int]
     NOT_MONITORED_FIELD_NUMBER: _ClassVar[int]
     REASONS_FIELD_NUMBER: _ClassVar[int]
     SEQUENCE_FIELD_NUMBER: _ClassVar[int]
@@ -367,6 +368,7 @@ class Health(_message.Message):
     gps_time_ns: int
     issued_mono_ns: int
     monitored: _containers.RepeatedScalarFieldContainer[str]
+    monitored_signals: _containers.RepeatedCompositeFieldContainer[MonitoredSignal]
     not_monitored: _containers.RepeatedScalarFieldContainer[str]
     reasons: _containers.RepeatedScalarFieldContainer[str]
     sequence: int
@@ -376,7 +378,7 @@ class Health(_message.Message):
     subjects: _containers.RepeatedScalarFieldContainer[str]
     utc_ns: int
     valid_for_ms: int
-    def __init__(self, site: _Optional[str] = ..., boot_id: _Optional[bytes] = ..., sequence: _Optional[int] = ..., gps_time_ns: _Optional[int] = ..., utc_ns: _Optional[int] = ..., issued_mono_ns: _Optional[int] = ..., valid_for_ms: _Optional[int] = ..., state: _Optional[_Union[State, str]] = ..., cause: _Optional[_Union[Cause, str]] = ..., subjects: _Optional[_Iterable[str]] = ..., reasons: _Optional[_Iterable[str]] = ..., not_monitored: _Optional[_Iterable[str]] = ..., monitored: _Optional[_Iterable[str]] = ..., excluded_satellites: _Optional[_Iterable[str]] = ..., covers_from_gps_ns: _Optional[int] = ..., covers_to_gps_ns: _Optional[int] = ..., config_sha256: _Optional[str] = ..., software: _Optional[str] = ...) -> None: ...
+    def __init__(self, site: _Optional[str] = ..., boot_id: _Optional[bytes] = ..., sequence: _Optional[int] = ..., gps_time_ns: _Optional[int] = ..., utc_ns: _Optional[int] = ..., issued_mono_ns: _Optional[int] = ..., valid_for_ms: _Optional[int] = ..., state: _Optional[_Union[State, str]] = ..., cause: _Optional[_Union[Cause, str]] = ..., subjects: _Optional[_Iterable[str]] = ..., reasons: _Optional[_Iterable[str]] = ..., not_monitored: _Optional[_Iterable[str]] = ..., monitored: _Optional[_Iterable[str]] = ..., excluded_satellites: _Optional[_Iterable[str]] = ..., covers_from_gps_ns: _Optional[int] = ..., covers_to_gps_ns: _Optional[int] = ..., config_sha256: _Optional[str] = ..., software: _Optional[str] = ..., monitored_signals: _Optional[_Iterable[_Union[MonitoredSignal, _Mapping]]] = ...) -> None: ...
 
 class HealthReceived(_message.Message):
     __slots__ = ["data", "key_expr", "mono_ns"]
@@ -429,6 +431,24 @@ class LastHealth(_message.Message):
     sequence: int
     told: int
     def __init__(self, boot_id: _Optional[bytes] = ..., sequence: _Optional[int] = ..., data: _Optional[bytes] = ..., gps_time_ns: _Optional[int] = ..., told: _Optional[int] = ...) -> None: ...
+
+class MonitoredSignal(_message.Message):
+    __slots__ = ["b_m", "correction_m", "correction_sigma_m", "ephemeris_crc32", "issue", "signal", "undetected_range_m"]
+    B_M_FIELD_NUMBER: _ClassVar[int]
+    CORRECTION_M_FIELD_NUMBER: _ClassVar[int]
+    CORRECTION_SIGMA_M_FIELD_NUMBER: _ClassVar[int]
+    EPHEMERIS_CRC32_FIELD_NUMBER: _ClassVar[int]
+    ISSUE_FIELD_NUMBER: _ClassVar[int]
+    SIGNAL_FIELD_NUMBER: _ClassVar[int]
+    UNDETECTED_RANGE_M_FIELD_NUMBER: _ClassVar[int]
+    b_m: _containers.RepeatedScalarFieldContainer[float]
+    correction_m: float
+    correction_sigma_m: float
+    ephemeris_crc32: int
+    issue: int
+    signal: str
+    undetected_range_m: float
+    def __init__(self, signal: _Optional[str] = ..., issue: _Optional[int] = ..., ephemeris_crc32: _Optional[int] = ..., undetected_range_m: _Optional[float] = ..., correction_m: _Optional[float] = ..., correction_sigma_m: _Optional[float] = ..., b_m: _Optional[_Iterable[float]] = ...) -> None: ...
 
 class NavigationPage(_message.Message):
     __slots__ = ["data", "number", "satellite"]

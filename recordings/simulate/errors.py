@@ -104,13 +104,15 @@ def signal_errors(
     az_rad: Floats,
     el_rad: Floats,
     ionosphere_m: Floats,
+    signals: Sequence[str] | None = None,
 ) -> SignalErrors:
     """Errors of epochs `step_s` apart; azimuth, elevation and modelled slant ionospheric delay (E, R, S) belong to the signals.
 
-    The ionosphere delays the code and advances the carrier by the same; `ionosphere_m` itself is not part of the result.
+    The ionosphere delays the code and advances the carrier by the same; `ionosphere_m` itself is not part of the result. What receivers
+    add is told apart by the names of `signals` (S,), by default those of the satellites.
     """
     n = len(el_rad)
-    channels = [f"{r}/{s}" for r in receivers for s in satellites]
+    channels = [f"{r}/{s}" for r in receivers for s in signals or satellites]
 
     def white(kind: str) -> Floats:
         return _white(seed, (f"{kind}/{c}" for c in channels), n).reshape(el_rad.shape)

@@ -23,14 +23,14 @@ from integrity.gnss.frames import enu_axes, geodetic_from_ecef
 from integrity.gnss.gps_time import NS_PER_S, WEEK_NS, utc_from_gps
 from integrity.gnss.observations import ROW_ARRAYS, Bools, Floats, Ints, ObservationRow
 from integrity.gnss.positioning import state_time_ns
-from integrity.gnss.signals import L1_HZ
+from integrity.gnss.signals import L1_HZ, bands_of, carrier_hz
 from recordings.simulate.constellation import IONOSPHERE, constellation
 from recordings.simulate.errors import NOMINAL, ErrorModel, ReceiverClocks, generator, receiver_clocks, signal_errors
 
 CUT_OFF_RAD = math.radians(5.0)
 LIGHT_TIME_ITERATIONS = 3  # each shrinks the error by v / c: from 20 ms to below 1e-15 s
-WAVELENGTH_M = SPEED_OF_LIGHT_MPS / L1_HZ
 CODE_OF_SYSTEM = {"G": "1C", "E": "1C"}
+SECOND_CODE_OF_SYSTEM = {"G": "2L", "E": "7Q"}  # as receivers of u-blox generation 9 have them
 LONGEST_LOCK_MS = 64_500.0  # a u-blox receiver counts no further (interface description of HPG 1.51, UBX-RXM-RAWX)
 
 Motion = Callable[[Ints], tuple[Floats, Floats]]
@@ -58,19 +58,26 @@ def antennas_of(site: SiteConfig) -> tuple[Antenna, ...]:
 
 
 def simulate(
-    site: SiteConfig, start_ns: int, duration_s: float, rate_hz: float, seed: int, errors: ErrorModel = NOMINAL
+    site: SiteConfig, start_ns: int, duration_s: float, rate_hz: float, seed: int, errors: ErrorModel = NOMINAL, frequencies: int = 1
 ) -> tuple[Event, ...]:
     """`observed` by the antennas of a site."""
-    return observed(antennas_of(site), start_ns, duration_s, rate_hz, seed, errors)
+    return observed(antennas_of(site), start_ns, duration_s, rate_hz, seed, errors, frequencies)
 
 
 def observed(
-    antennas: Sequence[Antenna], start_ns: int, duration_s: float, rate_hz: float, seed: int, errors: ErrorModel = NOMINAL
+    antennas: Sequence[Antenna],
+    start_ns: int,
+    duration_s: float,
+    rate_hz: float,
+    seed: int,
+    errors: ErrorModel = NOMINAL,
+    frequencies: int = 1,
 ) -> tuple[Event, ...]:
     """Events of the epochs in [start, start + duration) that are multiples of 1 / rate_hz in GPS time; `start_ns` is GPS time.
 
     First the ionosphere and the ephemerides in force, later ones when they are transmitted; a Tick after each epoch. `mono_ns` is GPS
-    time. An ephemeris enters if its satellite is seen in the run at all. What an antenna measures does not depend on the others.
+    time. An ephemeris enters if its satellite is seen in the run at all. What an antenna measures does not depend on the others, and what
+    it measures on the first of two `frequencies` is what it measures on one.
     """
     interval_ns = round(NS_PER_S / rate_hz)
     first, end = -(-start_ns // interval_ns), -(-(start_ns + round(duration_s * NS_PER_S)) // interval_ns)
@@ -80,13 +87,22 @@ def observed(
     sets = constellation(seed, int(epoch_ns[0]), int(epoch_ns[-1]))
     receivers = tuple(antenna.receiver for antenna in antennas)
     path = _path(antennas, epoch_ns)
-    satellites, states = _in_sight(sets, epoch_ns, path)
+    satellites, index = _in_sight(sets, epoch_ns, path)
+    states = satellite_states(sets, index, state_time_ns(epoch_ns))
     step_s = interval_ns / NS_PER_S
     clocks = receiver_clocks(errors, seed, [antenna.clock or antenna.receiver for antenna in antennas], step_s, len(epoch_ns))
     sky = _sky(states, epoch_ns, clocks, path)
-    measured = _measured(errors, seed, receivers, satellites, step_s, clocks, sky)
+    signals = tuple(f"{s}.{CODE_OF_SYSTEM[s[0]]}" for s in satellites)
+    seen = sky.el_rad >= CUT_OFF_RAD
+    measured = _measured(errors, seed, receivers, satellites, signals, satellites, step_s, clocks, sky)
+    if frequencies == 2:
+        second = tuple(f"{s}.{SECOND_CODE_OF_SYSTEM[s[0]]}" for s in satellites)
+        later_s = states.clock_s - satellite_states(sets, index, states.t_ns, second).clock_s
+        sky_of_second = _on_another_band(sky, second, later_s)
+        on_second = _measured(errors, seed, receivers, satellites, second, second, step_s, clocks, sky_of_second)
+        signals, seen, measured = _side_by_side(signals, second, seen, measured, on_second)
     ephemerides = [eph for eph in sets if eph.satellite in satellites]
-    return tuple(_events(epoch_ns, receivers, satellites, sky.el_rad >= CUT_OFF_RAD, measured, ephemerides))
+    return tuple(_events(epoch_ns, receivers, signals, seen, measured, ephemerides))
 
 
 class Path(NamedTuple):
@@ -107,8 +123,8 @@ def _path(antennas: Sequence[Antenna], epoch_ns: Ints) -> Path:
     return Path(pos, vel, lat_rad, lon_rad, height_m, enu_axes(lat_rad, lon_rad))
 
 
-def _in_sight(sets: tuple[KeplerEphemeris, ...], epoch_ns: Ints, path: Path) -> tuple[tuple[str, ...], SatelliteStates]:
-    """Satellites above the cut-off at some epoch, by name, and their states: each by the set in force at the epoch."""
+def _in_sight(sets: tuple[KeplerEphemeris, ...], epoch_ns: Ints, path: Path) -> tuple[tuple[str, ...], Ints]:
+    """Satellites above the cut-off at some epoch, by name, and the sets in force (E, S), as places among `sets`."""
     store = EphemerisStore(sets)
     arrived = np.searchsorted([eph.transmission_ns for eph in sets], epoch_ns, side="right")
     everything = sorted({eph.satellite for eph in sets})
@@ -120,7 +136,7 @@ def _in_sight(sets: tuple[KeplerEphemeris, ...], epoch_ns: Ints, path: Path) -> 
         sin_el = np.einsum("ei,ies->es", path.enu[:, r, 2], los) / np.linalg.norm(los, axis=0)
         seen |= (sin_el >= math.sin(CUT_OFF_RAD)).any(axis=0)
     satellites = tuple(s for s, above in zip(everything, seen, strict=True) if above)
-    return satellites, satellite_states(sets, index[:, seen], states.t_ns)
+    return satellites, index[:, seen]
 
 
 class Sky(NamedTuple):
@@ -184,23 +200,57 @@ def _turned_back(vector: Floats, tau_s: Floats) -> Floats:
     return np.stack((cosine * vector[0] + sine * vector[1], cosine * vector[1] - sine * vector[0], np.broadcast_to(vector[2], angle.shape)))
 
 
+def _on_another_band(sky: Sky, signals: Sequence[str], later_s: Floats) -> Sky:
+    """The sky as other signals (S,) of the same satellites have it, which leave `later_s` (E, S) later: 0.1 mm of range and less."""
+    times = np.array([(L1_HZ / _carrier_hz(signal)) ** 2 for signal in signals])
+    return sky._replace(
+        satellite_clock_m=sky.satellite_clock_m - SPEED_OF_LIGHT_MPS * later_s[:, None, :], ionosphere_m=times * sky.ionosphere_m
+    )
+
+
+def _carrier_hz(signal: str) -> float:
+    found = carrier_hz(signal[0], bands_of(signal)[0])
+    assert found is not None
+    return found[0]
+
+
+def _side_by_side(
+    signals: Sequence[str], second: Sequence[str], seen: Bools, measured: dict[str, Floats], on_second: dict[str, Floats]
+) -> tuple[tuple[str, ...], Bools, dict[str, Floats]]:
+    """Both signals of each satellite beside each other; both are seen or none."""
+    order = np.arange(2 * len(signals)).reshape(2, -1).T.ravel()
+    together = {name: np.concatenate((values, on_second[name]), axis=-1)[..., order] for name, values in measured.items()}
+    names = (*signals, *second)
+    return tuple(names[i] for i in order.tolist()), np.repeat(seen, 2, axis=-1), together
+
+
 def _measured(
-    errors: ErrorModel, seed: int, receivers: tuple[str, ...], satellites: tuple[str, ...], step_s: float, clocks: ReceiverClocks, sky: Sky
+    errors: ErrorModel,
+    seed: int,
+    receivers: tuple[str, ...],
+    satellites: tuple[str, ...],
+    signals: tuple[str, ...],
+    processes: tuple[str, ...],
+    step_s: float,
+    clocks: ReceiverClocks,
+    sky: Sky,
 ) -> dict[str, Floats]:
-    """The arrays of `ObservationRow`, (E, R, S), rounded as receivers give them, but for flags and lock time.
+    """The arrays of `ObservationRow`, (E, R, S), rounded as receivers give them, but for flags and lock time; one signal a satellite,
+    whose errors are told apart by the names of `processes`.
 
     The Doppler, in steps of 1/1024 Hz, fits a 32-bit float to 16 kHz. It leaves out the rates of delays and slow errors: below
     0.03 m/s at 5 deg of elevation.
     """
-    spoiled = signal_errors(errors, seed, receivers, satellites, step_s, sky.az_rad, sky.el_rad, sky.ionosphere_m)
+    spoiled = signal_errors(errors, seed, receivers, satellites, step_s, sky.az_rad, sky.el_rad, sky.ionosphere_m, processes)
+    wavelength_m = np.array([SPEED_OF_LIGHT_MPS / _carrier_hz(signal) for signal in signals])
     clock_m = SPEED_OF_LIGHT_MPS * clocks.bias_s[:, :, None] - sky.satellite_clock_m
     clock_mps = SPEED_OF_LIGHT_MPS * clocks.drift_sps[:, :, None] - sky.satellite_clock_mps
     neutral_m = sky.range_m + clock_m + sky.troposphere_m
-    ambiguity = [[generator(seed, f"ambiguity/{r}/{s}").integers(-1_000_000, 1_000_000) for s in satellites] for r in receivers]
+    ambiguity = [[generator(seed, f"ambiguity/{r}/{s}").integers(-1_000_000, 1_000_000) for s in processes] for r in receivers]
     return {
         "pseudorange_m": _rounded(neutral_m + sky.ionosphere_m + spoiled.code_m, 1024),
-        "carrier_cycles": _rounded((neutral_m - sky.ionosphere_m + spoiled.carrier_m) / WAVELENGTH_M + np.array(ambiguity), 1024),
-        "doppler_hz": _rounded(-(sky.range_rate_mps + clock_mps + spoiled.range_rate_mps) / WAVELENGTH_M, 1024),
+        "carrier_cycles": _rounded((neutral_m - sky.ionosphere_m + spoiled.carrier_m) / wavelength_m + np.array(ambiguity), 1024),
+        "doppler_hz": _rounded(-(sky.range_rate_mps + clock_mps + spoiled.range_rate_mps) / wavelength_m, 1024),
         "cn0_dbhz": _rounded(spoiled.cn0_dbhz, 1),
     }
 
@@ -222,7 +272,7 @@ def _lock_s(seen: Bools, step_s: float) -> Floats:
 def _events(
     epoch_ns: Ints,
     receivers: tuple[str, ...],
-    satellites: tuple[str, ...],
+    signals: tuple[str, ...],
     seen: Bools,
     measured: dict[str, Floats],
     ephemerides: list[KeplerEphemeris],
@@ -231,7 +281,7 @@ def _events(
     step_s = float(epoch_ns[1] - epoch_ns[0]) / NS_PER_S if len(epoch_ns) > 1 else 0.0
     lock_s = _lock_s(seen, step_s)
     arrays = measured | {"lock_s": lock_s, "slip": lock_s == 0.0, "half_cycle": np.zeros(seen.shape, dtype=np.bool_)}
-    signals = np.array([f"{s}.{CODE_OF_SYSTEM[s[0]]}" for s in satellites])
+    names = np.array(signals)
     start_ns = int(epoch_ns[0])
     events: list[Event] = [IonosphereReceived(start_ns, IONOSPHERE)]
     sent = 0
@@ -242,6 +292,6 @@ def _events(
         for r, receiver in enumerate(receivers):
             in_view = seen[e, r]
             values = {name: arrays[name][e, r][in_view] for name in ROW_ARRAYS}
-            events.append(ObservationsReceived(t_ns, ObservationRow(receiver, t_ns, tuple(signals[in_view].tolist()), **values)))
+            events.append(ObservationsReceived(t_ns, ObservationRow(receiver, t_ns, tuple(names[in_view].tolist()), **values)))
         events.append(Tick(t_ns, utc_from_gps(t_ns), None))
     return events

@@ -36,7 +36,7 @@ NAV_PVT, MON_VER, MON_RF = (0x01, 0x07), (0x0A, 0x04), (0x0A, 0x38)
 
 WORDS_BEFORE_NS = 30 * NS_PER_S  # of the first burst, and the most that are sent at once after an interruption
 GNSS_ID = {"G": 0, "E": 2}
-SIGNAL_ID = {("G", "1C"): 0, ("E", "1C"): 0, ("E", "1B"): 1}
+SIGNAL_ID = {("G", "1C"): 0, ("G", "2L"): 3, ("E", "1C"): 0, ("E", "1B"): 1, ("E", "7Q"): 6}
 SUBFRAME_NS, SUBFRAMES = 6 * NS_PER_S, 5  # IS-GPS-200, 20.3.3
 PAGE_NS, WORD_TYPES = 2 * NS_PER_S, 7  # Galileo OS SIS ICD, 4.3: a nominal page, even and odd part
 
@@ -154,7 +154,7 @@ def _measurements(row: ObservationRow) -> bytes:
 
 
 def _fixes(antenna: Antenna, rows: Sequence[ObservationRow]) -> Iterator[bytes]:
-    """NAV-PVT of each row: where the antenna truly is, but for a slow error below 1.5 m; faults are not in it. No fix below 4 signals.
+    """NAV-PVT of each row: where the antenna truly is, but for a slow error below 1.5 m; faults are not in it. No fix below 4 satellites.
 
     Mean sea level is not known here: hMSL is the ellipsoidal height.
     """
@@ -182,13 +182,14 @@ def _fix(row: ObservationRow, lon: int, lat: int, height_mm: int, east_mps: floa
     utc_s, ns = divmod(utc_from_gps(row.receive_time_ns), NS_PER_S)
     year, month, day = civil_from_days(utc_s // DAY_S)
     second = utc_s % DAY_S
-    fixed = len(row.signals) >= 4
+    satellites = len({satellite_of(signal) for signal in row.signals})
+    fixed = satellites >= 4
     north_mm, east_mm, down_mm = (round(1e3 * v) for v in (north_mps, east_mps, -up_mps))
     heading = round(math.degrees(math.atan2(east_mps, north_mps)) % 360.0 * 1e5)
     return _PVT.pack(
         *(row.receive_time_ns % WEEK_NS // 1_000_000, year, month, day, second // 3600, second // 60 % 60, second % 60),
         *(0b111, 20, ns),  # date, time and leap seconds valid; accuracy and fraction in ns
-        *(3 if fixed else 0, 1 if fixed else 0, 0b1110_0000, min(len(row.signals), 255)),  # 3-D; gnssFixOK; date and time confirmed
+        *(3 if fixed else 0, 1 if fixed else 0, 0b1110_0000, min(satellites, 255)),  # 3-D; gnssFixOK; date and time confirmed
         *(lon, lat, height_mm, height_mm),
         *(900, 1500) if fixed else (2**32 - 1, 2**32 - 1),  # accuracies in mm
         *(north_mm, east_mm, down_mm, round(1e3 * math.hypot(east_mps, north_mps)), heading),

@@ -21,12 +21,14 @@ def _a_time(text: str) -> str:
 
 
 class ScenarioSection(Section):
-    """`[scenario]`: UTC of the first epoch, length, seed of everything random, epochs per second."""
+    """`[scenario]`: UTC of the first epoch, length, seed of everything random, epochs per second; on how many frequencies receivers
+    measure, by default on as many as the site decides on."""
 
     start: Annotated[str, AfterValidator(_a_time), Field(description='a UTC time in quotes, such as "2026-03-02T03:00:00Z"')]
     duration_s: Annotated[float, Field(ge=1, le=DAY_S, description=f"seconds, from 1 to {DAY_S}")]
     seed: Annotated[int, Field(ge=0, lt=2**63, description="a whole number, 0 or above, below 2^63")]
     rate_hz: Annotated[float, Field(gt=0, le=20, description="epochs per second, above 0 and at most 20")] = 1.0
+    frequencies: Annotated[int | None, Field(ge=1, le=2, description="1 or 2, on which receivers measure")] = None
 
 
 @dataclass(frozen=True)
@@ -40,6 +42,7 @@ class Scenario:
     duration_s: float
     seed: int
     rate_hz: float
+    frequencies: int
     site: SiteFile
     faults: str
 
@@ -77,6 +80,7 @@ def resolve_scenario(document: TomlDocument) -> Scenario:
         duration_s=scenario.duration_s,
         seed=scenario.seed,
         rate_hz=scenario.rate_hz,
+        frequencies=scenario.frequencies or site.config.integrity.frequencies,
         site=site,
         faults=_text_of_faults(document),
     )

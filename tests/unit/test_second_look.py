@@ -53,7 +53,7 @@ def test_a_decision_that_comes_out_differently_ends_it() -> None:
     events = decided()
     place = next(k for k, (_, outputs) in enumerate(events) if any(isinstance(o, HealthReport) for o in outputs))
     event, outputs = events[place]
-    flipped = [replace(o, monitored=o.monitored[1:]) if isinstance(o, HealthReport) else o for o in outputs]
+    flipped = [replace(o, vouched=o.vouched[1:]) if isinstance(o, HealthReport) else o for o in outputs]
     for before, its_outputs in events[:place]:
         look.note(before, its_outputs)
     look.note(event, flipped)

@@ -10,11 +10,12 @@ import numpy as np
 from integrity.assembler import AlignedEpoch
 from integrity.errors import ConfigError
 from integrity.gnss.atmosphere import Klobuchar
+from integrity.gnss.combination import ionosphere_free
 from integrity.gnss.ephemeris.states import Ephemerides, SatelliteStates, accuracy_m, satellite_states, usable
 from integrity.gnss.ephemeris.store import EphemerisStore
-from integrity.gnss.observations import ROW_ARRAYS, Bools, Ints, ObservationBlock, build_block
+from integrity.gnss.observations import ROW_ARRAYS, Bools, Ints, ObservationBlock, build_block, layout_of
 from integrity.gnss.positioning import Expected, range_accuracy_m, range_sigma_m, state_time_ns
-from integrity.gnss.signals import TIME_SCALES, satellite_of, time_scale_index
+from integrity.gnss.signals import MONITORED_CODES, MONITORED_SYSTEMS, TIME_SCALES, is_pair, pair_codes_of, satellite_of, time_scale_index
 from train_client.config import TrainConfig
 from train_client.limits import TrainLimits
 from train_client.outputs import AntennaFix, Fix, MapPlace
@@ -35,12 +36,15 @@ WORDS = {
     Why.NOT_ON_TRACK: "ranges fit no place on the track",
     Why.NO_CONVERGENCE: "no place found near the last one",
 }
+OF_PAIRS = " with the pairs of frequencies that the ground vouches for"  # what an antenna with one frequency lacks
 
 
 class _Seen(NamedTuple):
-    """One epoch: its ranges, what would be seen where the antennas were last, and of the signals that may not be used (S,) why."""
+    """One epoch: its ranges, whether they are of pairs, what would be seen where the antennas were last, and of the signals that may not
+    be used (S,) why."""
 
     ranges: Ranges
+    in_pairs: bool
     sight: Expected
     reasons: tuple[str, ...]
 
@@ -106,7 +110,10 @@ class FixMaker:
         self._segment = None
 
     def fix(self, epoch: AlignedEpoch, signals: frozenset[str] | None, mismatched: Collection[str]) -> Fix:
-        """The place in an epoch, solved with these `signals` (None: all); satellites that are `mismatched` are never used."""
+        """The place in an epoch, solved with these `signals` (None: all that stand alone); satellites that are `mismatched` are never used.
+
+        Where there are pairs among them nothing else is used: ranges with and without ionosphere have no common clock.
+        """
         seen = self._seen(epoch, signals, mismatched)
         solved = self._solve(seen, 1)
         facing = self._expected_facing(solved)
@@ -114,7 +121,8 @@ class FixMaker:
             solved = self._solve(seen, -1)
         places = self._places(solved)
         test = compare_distances(self._track, places, facing, self._limits)
-        front = self._front(places, test, facing, solved.why)
+        why = tuple(w + OF_PAIRS if seen.in_pairs and w == WORDS[Why.TOO_FEW_SATELLITES] else w for w in solved.why)
+        front = self._front(places, test, facing, why)
         self._remember(solved, places, test)
         return self._result(epoch.epoch_ns, seen, solved, places, test, front)
 
@@ -141,9 +149,14 @@ class FixMaker:
         return (0,) * len(self._train.antennas) if self._segment is None else tuple(self._segment[0].tolist())
 
     def _seen(self, epoch: AlignedEpoch, signals: frozenset[str] | None, mismatched: Collection[str]) -> _Seen:
-        block = build_block(self._train.antenna_ids, [epoch.epoch_ns], [epoch.rows])
+        in_pairs = signals is not None and any(map(is_pair, signals))
+        codes = pair_codes_of(MONITORED_SYSTEMS) if in_pairs else MONITORED_CODES
+        heard = build_block(self._train.antenna_ids, [epoch.epoch_ns], [epoch.rows], layout_of(epoch.rows, codes=codes))
+        block = ionosphere_free(heard) if in_pairs else heard
         sky = self._sky_of(_Wanted(block.signals, epoch.epoch_ns, epoch.arrived, epoch.klobuchar, self._segments()))
-        a_m, b_m = self._train.sigma_range_m, self._train.sigma_range_low_m
+        train = self._train
+        single, pair = (train.sigma_range_m, train.sigma_range_low_m), (train.sigma_range_pair_m, train.sigma_range_pair_low_m)
+        a_m, b_m = pair if in_pairs else single
         promised_m = range_accuracy_m(sky.states, accuracy_m(sky.ephemerides, sky.chosen))
         reasons = _why_unused(block, signals, sky.chosen[0] >= 0, usable(sky.ephemerides, sky.chosen)[0], mismatched)
         good = np.array([not reason for reason in reasons], dtype=np.bool_)
@@ -156,7 +169,7 @@ class FixMaker:
             system_of=np.array([time_scale_index(s) for s in block.satellites], dtype=np.int64),
             n_systems=len(TIME_SCALES),
         )
-        return _Seen(ranges, sky.sight, reasons)
+        return _Seen(ranges, in_pairs, sky.sight, reasons)
 
     # ---- antennas
 

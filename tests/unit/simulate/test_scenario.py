@@ -98,3 +98,25 @@ def test_faults_in_single_brackets_are_refused() -> None:
 def test_the_rate_of_the_site_is_named() -> None:
     with pytest.raises(ConfigProblems, match=r"rate_hz = 2\.0: expected 1, .* or write epoch_interval_s = 0\.5"):
         parse_scenario(TEXT.replace("rate_hz = 1.0", "rate_hz = 2.0"), "s.toml")
+
+
+# ---- frequencies
+
+
+def measured_on(*edits: tuple[str, str]) -> int:
+    text = TEXT
+    for old, new in edits:
+        text = text.replace(old, new, 1)
+    return parse_scenario(text, "s.toml").frequencies
+
+
+def test_receivers_measure_on_as_many_frequencies_as_the_site_decides_on() -> None:
+    assert (measured_on(), measured_on(("[integrity]\n", "[integrity]\nfrequencies = 2\n"))) == (1, 2)
+
+
+def test_receivers_of_a_scenario_may_measure_on_one_frequency_where_the_site_wants_two() -> None:
+    assert measured_on(("[integrity]\n", "[integrity]\nfrequencies = 2\n"), ("[scenario]\n", "[scenario]\nfrequencies = 1\n")) == 1
+
+
+def test_other_numbers_of_frequencies_are_refused() -> None:
+    assert problems_of(("[scenario]\n", "[scenario]\nfrequencies = 3\n")) == [(line_of("[scenario]") + 1, "scenario.frequencies")]

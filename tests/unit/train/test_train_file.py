@@ -73,11 +73,18 @@ def test_the_example_decides_as_it_says() -> None:
         most_speed_mps=100.0,
         sigma_range_m=1.0,
         sigma_range_low_m=0.5,
+        sigma_range_pair_m=3.0,
+        sigma_range_pair_low_m=1.5,
         station="kokubunji-1",
         max_valid_ms=3000,
         trust=TrustLimits(recover_messages=10, no_comms_after_ns=2_000_000_000),
         config_sha256="",
     )
+
+
+def test_sigmas_of_pairs_left_out_follow_those_of_single_signals() -> None:
+    config = parse_train(changed("40.0", "40.0\nsigma_range_m = 0.8\nsigma_range_pair_low_m = 0.7"), "train.toml").config
+    assert (config.sigma_range_pair_m, config.sigma_range_pair_low_m) == pytest.approx((2.4, 0.7))
 
 
 def test_paths_count_from_where_the_file_lies(tmp_path: Path) -> None:
@@ -183,6 +190,8 @@ DECISIVE = {
     "max_speed_mps": ("40.0", "40.0\nmax_speed_mps = 99.0"),
     "sigma_range_m": ("40.0", "40.0\nsigma_range_m = 1.1"),
     "sigma_range_low_m": ("40.0", "40.0\nsigma_range_low_m = 0.6"),
+    "sigma_range_pair_m": ("40.0", "40.0\nsigma_range_pair_m = 2.9"),
+    "sigma_range_pair_low_m": ("40.0", "40.0\nsigma_range_pair_low_m = 1.4"),
     "antenna id": ('"front"', '"ahead"'),
     "x_m": ("-3.0", "-3.01"),
     "y_m": ("y_m = 0.0", "y_m = 0.01"),
@@ -242,7 +251,7 @@ odd = st.recursive(
 KEYS = [("train",), ("trust",), ("antenna",), ("publish",), ("more",)] + [
     (table, key)
     for table, keys in {
-        "train": ("id", "length_m", "map", "facing", "epoch_interval_s", "max_speed_mps", "sigma_range_m", "extra"),
+        "train": ("id", "length_m", "map", "facing", "epoch_interval_s", "max_speed_mps", "sigma_range_m", "sigma_range_pair_m", "extra"),
         "antenna": ("id", "source", "x_m", "y_m", "height_m", "receiver", "clock", "oscillator", "extra"),
         "trust": ("stations", "public_keys", "recover_messages", "max_valid_ms", "no_comms_after_s"),
         "publish": ("connect",),
