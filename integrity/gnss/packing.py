@@ -6,7 +6,7 @@ stand in the places.
 """
 
 from dataclasses import replace
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -42,22 +42,17 @@ def _placed(seen: Bools, columns: Ints) -> Ints:
     """Which of these columns were seen (E, M), each epoch's side by side; -1 for none."""
     here = seen[:, columns]
     count = here.sum(axis=1)
-    epoch, which = np.nonzero(here)
-    begins = np.cumsum(count) - count
     placed = np.full((len(seen), int(count.max(initial=0))), -1)
-    placed[epoch, np.arange(len(epoch)) - begins[epoch]] = columns[which]
+    placed[np.arange(placed.shape[1]) < count[:, None]] = np.broadcast_to(columns, here.shape)[here]
     return placed
 
 
 def _laid_out(block: ObservationBlock, column: Ints, named: list[int]) -> ObservationBlock:
-    """The block in places; what is in none reads as not measured."""
+    """The block in places; what is in none reads as not measured: as what is put behind the last measurement."""
     n_epochs, n_receivers, n_signals = block.pseudorange_m.shape
     row = np.arange(n_epochs * n_receivers).reshape(n_epochs, n_receivers, 1) * n_signals
-    at, empty = row + np.maximum(column, 0)[:, None], np.broadcast_to((column < 0)[:, None], (n_epochs, n_receivers, column.shape[1]))
-    arrays = {}
-    for name in ROW_ARRAYS:
-        arrays[name] = getattr(block, name).reshape(-1).take(at)
-        arrays[name][empty] = False if name in ROW_FLAGS else np.nan
+    at = np.where(column[:, None] < 0, block.pseudorange_m.size, row + column[:, None])
+    arrays: dict[str, Any] = {name: np.append(getattr(block, name), False if name in ROW_FLAGS else np.nan).take(at) for name in ROW_ARRAYS}
     return replace(
         block,
         signals=tuple(block.signals[k] for k in named),

@@ -20,7 +20,7 @@ from integrity.gnss.constants import (
 )
 from integrity.gnss.ephemeris.broadcast import KeplerEphemeris
 from integrity.gnss.gps_time import BDT_BEHIND_GPS_NS, NS_PER_S, WEEK_NS
-from integrity.gnss.observations import Bools, Floats
+from integrity.gnss.observations import Bools, Floats, Ints
 
 GEO_TILT_RAD = float(np.deg2rad(-5.0))  # of the frame in which BeiDou gives the elements of its geostationary satellites
 GEOSTATIONARY = frozenset(f"C{prn:02d}" for prn in (*range(1, 6), *range(59, 64)))  # BDS-SIS-ICD B1I 3.0, 4.3.2
@@ -30,7 +30,7 @@ _RELATIVITY = {"E": GALILEO_RELATIVITY_SPSQRTM, "C": GALILEO_RELATIVITY_SPSQRTM}
 
 
 class Parameters(NamedTuple):
-    """Sets side by side: what is broadcast, and what follows from it alone; each of shape (n,), or gathered to (E, S)."""
+    """Sets side by side: what is broadcast, and what follows from it alone; each of shape (n,)."""
 
     e: Floats
     m0: Floats
@@ -53,9 +53,8 @@ class Parameters(NamedTuple):
     cos_i0: Floats
     Omega_toe: Floats  # of the node in ECEF at toe
     Omega_dot: Floats
-    mu: Floats
     F_e_sqrt_a: Floats
-    toe_s: Floats  # from the common origin, as toc_s
+    toe_s: Floats  # from an origin, as toc_s
     toc_s: Floats
 
 
@@ -75,18 +74,28 @@ def timeless(eph: KeplerEphemeris) -> tuple[float, ...]:
         *(A, sqrt(mu / A**3) + eph.delta_n, sqrt(1.0 - eph.e**2)),
         *(sin(eph.omega), cos(eph.omega), sin(eph.i0), cos(eph.i0)),
         *(eph.omega0 - spin * toe_s, eph.omega_dot - (0.0 if eph.satellite in GEOSTATIONARY else spin)),
-        *(mu, F * eph.e * eph.sqrt_a),
+        F * eph.e * eph.sqrt_a,
     )
 
 
 NO_ORBIT = (nan,) * TIMELESS
 
 
-def evaluate(p: Parameters, t_s: Floats, tilted: Bools | None) -> tuple[Floats, ...]:
-    """Position, velocity, acceleration (x, y, z each), clock and its drift; each (E, S), at times (E, 1) from the common origin.
+class Elements(NamedTuple):
+    """Sets side by side; the last of n + 1, index -1, is "none". `columns`: `Parameters` but for the times (P - 2, n + 1); `reference_ns`:
+    toe and toc (2, n + 1); `tilted` (n + 1,): which are BeiDou's geostationary satellites."""
 
-    `tilted` (E, S), or None for nowhere: which are BeiDou's geostationary satellites.
-    """
+    columns: Floats
+    reference_ns: Ints
+    tilted: Bools
+
+    def parameters(self, which: Ints, origin_ns: Ints) -> Parameters:
+        """Of the sets `which` (n,), times in seconds from origins (n,)."""
+        return Parameters(*self.columns.take(which, axis=1), *((self.reference_ns.take(which, axis=1) - origin_ns) / NS_PER_S))
+
+
+def evaluate(p: Parameters, t_s: Floats, tilted: Bools) -> tuple[Floats, Floats, Floats, Floats]:
+    """Position (x, y, z) and clock of n sets, each (m, n), at times (m, 1) from each set's origin; `tilted` (n,) as in `Elements`."""
     t_k = t_s - p.toe_s
     M_k = p.m0 + p.n * t_k
     sin_M, cos_M = sine_cosine(M_k)  # E_k by Newton's method from a series: to 4e-3 rad for e <= 0.2, then 2e-6, then 1e-12
@@ -97,53 +106,29 @@ def evaluate(p: Parameters, t_s: Floats, tilted: Bools | None) -> tuple[Floats, 
     step = (M_k - E_k - step + p.e * sin_E) / (1.0 - p.e * cos_E)
     sin_E, cos_E = sin_E + cos_E * step, cos_E - sin_E * step
     q = 1.0 - p.e * cos_E
-    E_dot = p.n / q
 
     # Argument of latitude Phi_k = nu_k + omega by its sine and cosine; nu_k from E_k without an arctangent.
     sin_nu, cos_nu = p.root * sin_E / q, (cos_E - p.e) / q
     sin_Phi, cos_Phi = sin_nu * p.cos_w + cos_nu * p.sin_w, cos_nu * p.cos_w - sin_nu * p.sin_w
     sin_2Phi, cos_2Phi = 2.0 * sin_Phi * cos_Phi, cos_Phi * cos_Phi - sin_Phi * sin_Phi
-    Phi_dot = E_dot * p.root / q
 
     r_k = p.A * q + p.crs * sin_2Phi + p.crc * cos_2Phi
     sin_u, cos_u = turned(sin_Phi, cos_Phi, p.cus * sin_2Phi + p.cuc * cos_2Phi)
     sin_i, cos_i = turned(p.sin_i0, p.cos_i0, p.i_dot * t_k + p.cis * sin_2Phi + p.cic * cos_2Phi)
-    u_dot = Phi_dot * (1.0 + 2.0 * (p.cus * cos_2Phi - p.cuc * sin_2Phi))
-    r_dot = p.A * p.e * sin_E * E_dot + 2.0 * Phi_dot * (p.crs * cos_2Phi - p.crc * sin_2Phi)
-    i_dot = p.i_dot + 2.0 * Phi_dot * (p.cis * cos_2Phi - p.cic * sin_2Phi)
-
     x_orb, y_orb = r_k * cos_u, r_k * sin_u
-    x_orb_dot, y_orb_dot = r_dot * cos_u - y_orb * u_dot, r_dot * sin_u + x_orb * u_dot
-    Omega_k = p.Omega_toe + p.Omega_dot * t_k
-    sin_O, cos_O = sine_cosine(Omega_k)
-    y_level, tilt = y_orb * cos_i, y_orb_dot * cos_i - y_orb * sin_i * i_dot
-    x, y, z = x_orb * cos_O - y_level * sin_O, x_orb * sin_O + y_level * cos_O, y_orb * sin_i
-    vx = x_orb_dot * cos_O - tilt * sin_O - y * p.Omega_dot
-    vy = x_orb_dot * sin_O + tilt * cos_O + x * p.Omega_dot
-    vz = y_orb_dot * sin_i + y_level * i_dot
-    if tilted is not None:
-        upright = _upright(x, y, z, vx, vy, vz, t_k)
-        x, y, z, vx, vy, vz = (np.where(tilted, a, b) for a, b in zip(upright, (x, y, z, vx, vy, vz), strict=True))
-
-    spin = EARTH_ROTATION_RADPS
-    gravity = -p.mu / (r_k * r_k * r_k)
-    ax = (gravity + spin * spin) * x + 2.0 * spin * vy
-    ay = (gravity + spin * spin) * y - 2.0 * spin * vx
-    az = gravity * z
+    sin_O, cos_O = sine_cosine(p.Omega_toe + p.Omega_dot * t_k)
+    x, y, z = x_orb * cos_O - y_orb * cos_i * sin_O, x_orb * sin_O + y_orb * cos_i * cos_O, y_orb * sin_i
+    if tilted.any():
+        x, y, z = (np.where(tilted, a, b) for a, b in zip(_upright(x, y, z, t_k), (x, y, z), strict=True))
 
     t_c = t_s - p.toc_s
     clock_s = p.af0 + t_c * (p.af1 + t_c * p.af2) + p.F_e_sqrt_a * sin_E
-    clock_drift_sps = p.af1 + 2.0 * p.af2 * t_c + p.F_e_sqrt_a * cos_E * E_dot
-    return x, y, z, vx, vy, vz, ax, ay, az, clock_s, clock_drift_sps
+    return x, y, z, clock_s
 
 
-def _upright(x: Floats, y: Floats, z: Floats, vx: Floats, vy: Floats, vz: Floats, t_k: Floats) -> tuple[Floats, ...]:
+def _upright(x: Floats, y: Floats, z: Floats, t_k: Floats) -> tuple[Floats, Floats, Floats]:
     """From BeiDou's tilted frame, which stood as ECEF does at toe, to ECEF: R_Z(spin t_k) R_X(-5 deg), BDS-SIS-ICD B1I 3.0, table 5-11."""
-    spin = BEIDOU_EARTH_ROTATION_RADPS
     cos_x, sin_x = cos(GEO_TILT_RAD), sin(GEO_TILT_RAD)
     y, z = y * cos_x + z * sin_x, z * cos_x - y * sin_x
-    vy, vz = vy * cos_x + vz * sin_x, vz * cos_x - vy * sin_x
-    sin_z, cos_z = sine_cosine(spin * t_k)
-    x, y = x * cos_z + y * sin_z, y * cos_z - x * sin_z
-    vx, vy = vx * cos_z + vy * sin_z + spin * y, vy * cos_z - vx * sin_z - spin * x
-    return x, y, z, vx, vy, vz
+    sin_z, cos_z = sine_cosine(BEIDOU_EARTH_ROTATION_RADPS * t_k)
+    return x * cos_z + y * sin_z, y * cos_z - x * sin_z, z

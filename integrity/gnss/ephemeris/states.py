@@ -7,11 +7,11 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from integrity.gnss.ephemeris.arcs import kepler_states
 from integrity.gnss.ephemeris.broadcast import Ephemeris, GeoEphemeris, GlonassEphemeris, KeplerEphemeris, group_delays_s
-from integrity.gnss.ephemeris.kepler import GEOSTATIONARY, NO_ORBIT, Parameters, evaluate, timeless
+from integrity.gnss.ephemeris.kepler import GEOSTATIONARY, NO_ORBIT, Elements, timeless
 from integrity.gnss.ephemeris.state_vectors import geo_states, glonass_states
-from integrity.gnss.gps_time import NS_PER_S
-from integrity.gnss.observations import Bools, Floats, Ints, freeze, slices
+from integrity.gnss.observations import Bools, Floats, Ints, freeze
 from integrity.gnss.signals import L1_HZ, UNKNOWN_BAND, bands_of, carrier_hz, delay_band, ionosphere_free_weights, is_beidou_2
 
 _States = Callable[[list[Any], Ints, Ints], Floats]  # of sets of one kind
@@ -48,26 +48,19 @@ class Ephemerides(tuple[Ephemeris, ...]):
         return sets if isinstance(sets, Ephemerides) else Ephemerides(sets)
 
     @cached_property
-    def columns(self) -> Floats:
-        """`Parameters` but for the times, (P - 2, n + 1)."""
-        return np.array([*(timeless(eph) if isinstance(eph, KeplerEphemeris) else NO_ORBIT for eph in self), NO_ORBIT]).T
-
-    @cached_property
-    def reference_ns(self) -> Ints:
-        """toe and toc, (2, n + 1)."""
-        times = ((eph.toe_ns, eph.toc_ns if isinstance(eph, KeplerEphemeris) else eph.toe_ns) for eph in self)
-        return np.array([*times, (0, 0)], dtype=np.int64).T
+    def elements(self) -> Elements:
+        """What orbits are computed from, of the sets that are Kepler elements."""
+        kepler = [eph if isinstance(eph, KeplerEphemeris) else None for eph in self]
+        columns = [*(timeless(eph) if eph else NO_ORBIT for eph in kepler), NO_ORBIT]
+        times = [*((eph.toe_ns, eph.toc_ns) if eph else (0, 0) for eph in kepler), (0, 0)]
+        tilted = [*(eph is not None and eph.satellite in GEOSTATIONARY for eph in kepler), False]
+        return Elements(np.array(columns).T, np.array(times, dtype=np.int64).T, np.array(tilted))
 
     @cached_property
     def delays_s(self) -> Floats:
         """Group delays by band in the order of `signals.DELAY_BANDS`, (DELAYS + 1, n + 1); the last row, of bands without, is NaN."""
         rows = [[np.nan if d is None else d for d in group_delays_s(eph)] for eph in self] + [[]]
         return np.array([row + [np.nan] * (DELAYS + 1 - len(row)) for row in rows]).T
-
-    @cached_property
-    def tilted(self) -> Bools:
-        """Which are BeiDou's geostationary satellites, (n + 1,)."""
-        return np.array([*(eph.satellite in GEOSTATIONARY for eph in self), False])
 
     @cached_property
     def of_states(self) -> Bools:
@@ -95,10 +88,6 @@ class Ephemerides(tuple[Ephemeris, ...]):
         """Frequency number of GLONASS (n + 1,), 0 for the others."""
         return np.array([*(eph.channel if isinstance(eph, GlonassEphemeris) else 0 for eph in self), 0], dtype=np.int64)
 
-    def parameters(self, origin_ns: int) -> Parameters:
-        """As columns, times in seconds from `origin_ns`."""
-        return Parameters(*self.columns, *((self.reference_ns - origin_ns) / NS_PER_S))
-
 
 class _Delays(NamedTuple):
     """What a range of each signal (S,) says of delays in two bands: `weight` (2, S) of those in `band` (2, S), group delays in the order of
@@ -116,19 +105,10 @@ def satellite_states(ephemerides: Sequence[Ephemeris], index: Ints, t_ns: Ints, 
 
     Without signals, clocks are those of every satellite's first band, and the ionosphere that of L1.
 
-    Accuracy: the broadcast model itself, evaluated to better than 1 mm and 1e-12 s (GLONASS: 1 cm); the acceleration of Kepler orbits is
-    that of a point-mass Earth (good to 1e-4 m/s2: 0.01 mm over 0.5 s).
+    Accuracy: the broadcast model itself, evaluated to better than 1 mm and 1e-12 s (GLONASS: 1 cm).
     """
     sets = Ephemerides.of(ephemerides)
-    origin_ns = int(t_ns[0])
-    t_s = ((t_ns - origin_ns) / NS_PER_S)[:, None]
-    columns = np.array(sets.parameters(origin_ns))
-    tilted = sets.tilted[index] if sets.tilted.any() and sets.tilted[index].any() else None
-    out = np.empty((11, *index.shape))
-    for few in slices(*index.shape):
-        same = index[few][:1]
-        which = same if (index[few] == same).all() else index[few]  # (1, S) serves all epochs of most slices
-        out[:, few] = evaluate(Parameters(*columns.take(which, axis=1, mode="wrap")), t_s[few], None if tilted is None else tilted[few])
+    out = kepler_states(sets.elements, index, t_ns)
     if sets.of_states.any() and sets.of_states[index].any():
         _put(out, sets, index, t_ns, GlonassEphemeris, glonass_states)
         _put(out, sets, index, t_ns, GeoEphemeris, geo_states)

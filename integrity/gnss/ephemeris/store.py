@@ -13,14 +13,14 @@ from integrity.gnss.ephemeris.states import Ephemerides
 from integrity.gnss.gps_time import NS_PER_S
 from integrity.gnss.observations import Ints
 
-MANY_EPOCHS = 32  # from so many on, arrays are faster
 MOST_TIME_NS = 2**62  # of GPS, 146 years
 
 
 class _Sets(NamedTuple):
     """The sets of one satellite by when their use begins: index into the ephemerides, first and last GPS time of use, precedence (the
     highest serves first). `longest_ns` is the longest use of any; `in_order` where precedence grows with the beginning, as it should, and
-    `tidy` where arrival and the end of use do so, too."""
+    `tidy` where arrival and the end of use do so, too: then `arrays` (3, n) are the first three.
+    """
 
     number: list[int]
     begin_ns: list[int]
@@ -29,10 +29,15 @@ class _Sets(NamedTuple):
     longest_ns: int
     in_order: bool
     tidy: bool
+    arrays: Ints
+
+    def between(self, first_ns: int, last_ns: int) -> range:
+        """Places of those that may be used between two times: one or two steps from where they are found."""
+        return range(bisect_left(self.begin_ns, first_ns - self.longest_ns), bisect_right(self.begin_ns, last_ns))
 
     def serving_first(self, first_ns: int, last_ns: int) -> Iterator[int]:
-        """Places of those that may be used between two times, the one that serves first first: one or two steps from where it is found."""
-        places = range(bisect_left(self.begin_ns, first_ns - self.longest_ns), bisect_right(self.begin_ns, last_ns))
+        """The same, the one that serves first first."""
+        places = self.between(first_ns, last_ns)
         return reversed(places) if self.in_order else iter(sorted(places, key=self.precedence.__getitem__, reverse=True))
 
 
@@ -82,21 +87,15 @@ class EphemerisStore:
         """Index (E, S) into `ephemerides`, -1 for none; `epoch_ns` and `arrived` (E,) do not decrease, the latter is how many had arrived
         when each epoch was complete. Each set serves a run of epochs, found by searches, less what those that serve before it take.
         """
-        times_ns, counts = epoch_ns.tolist(), arrived.tolist()
-        many = len(times_ns) >= MANY_EPOCHS
-        index = np.full((len(satellites), len(times_ns)), -1, dtype=np.int64)
-        chosen: dict[str, Ints] = {}
-        for row, satellite in zip(index, satellites, strict=True):
-            if satellite in chosen:
-                row[:] = chosen[satellite]
-            elif satellite in self._numbers and times_ns:
-                sets = self._sets_of(satellite)
-                if many and sets.tidy:
-                    row[:] = _choose_among_tidy(sets, epoch_ns, arrived)
-                else:
-                    _choose(sets, times_ns, counts, row)
-                chosen[satellite] = row
-        return np.ascontiguousarray(index.T)
+        rows = {satellite: row for row, satellite in enumerate(dict.fromkeys(satellites))}
+        known = {row: self._sets_of(satellite) for satellite, row in rows.items() if satellite in self._numbers and len(epoch_ns)}
+        index = _choose_among_tidy({row: sets for row, sets in known.items() if sets.tidy}, len(rows), epoch_ns, arrived)
+        if not all(sets.tidy for sets in known.values()):
+            times_ns, counts = epoch_ns.tolist(), arrived.tolist()
+            for row, sets in known.items():
+                if not sets.tidy:
+                    _choose(sets, times_ns, counts, index[row])
+        return np.ascontiguousarray(index[np.array([rows[satellite] for satellite in satellites], dtype=np.int64)].T)
 
     def of_issue(self, satellite: str, issue: int, gps_ns: int) -> int:
         """Index into `ephemerides` of the set of that issue which serves first at a GPS time, -1 for none."""
@@ -121,6 +120,7 @@ def _in_order(ephemerides: Ephemerides, mine: Sequence[int]) -> _Sets:
     begin_ns, end_ns = ([ephemerides[k].toe_ns + sign * half_ns[k] for k in order] for sign in (-1, 1))
     in_order = all(a < b for a, b in pairwise(ranks))
     arrays_hold_them = all(abs(t) <= MOST_TIME_NS for t in begin_ns + end_ns)
+    tidy = in_order and arrays_hold_them and all(a < b for a, b in pairwise(order)) and all(a <= b for a, b in pairwise(end_ns))
     return _Sets(
         number=order,
         begin_ns=begin_ns,
@@ -128,7 +128,8 @@ def _in_order(ephemerides: Ephemerides, mine: Sequence[int]) -> _Sets:
         precedence=ranks,
         longest_ns=2 * max(half_ns.values()),
         in_order=in_order,
-        tidy=in_order and arrays_hold_them and all(a < b for a, b in pairwise(order)) and all(a <= b for a, b in pairwise(end_ns)),
+        tidy=tidy,
+        arrays=np.array((order, begin_ns, end_ns) if tidy else (), dtype=np.int64),
     )
 
 
@@ -145,12 +146,21 @@ def _choose(sets: _Sets, times_ns: list[int], arrived: list[int], row: Ints) -> 
             return
 
 
-def _choose_among_tidy(sets: _Sets, epoch_ns: Ints, arrived: Ints) -> Ints:
-    """The same (E,) for many epochs: of the sets whose use had begun and that had arrived the last serves, if its use has not ended."""
-    number, begin_ns, end_ns = (np.array(values, dtype=np.int64) for values in (sets.number, sets.begin_ns, sets.end_ns))
-    last = np.minimum(np.searchsorted(begin_ns, epoch_ns, "right"), np.searchsorted(number, arrived, "left")) - 1
-    found: Ints = np.where((last >= 0) & (epoch_ns <= end_ns[last]), number[last], -1)
-    return found
+def _choose_among_tidy(sets_of: dict[int, _Sets], n_rows: int, epoch_ns: Ints, arrived: Ints) -> Ints:
+    """Which sets serve the satellites of rows (n_rows, E), -1 where none does, of satellites with tidy sets, in the order of rows: a set
+    serves from where its use has begun and it has arrived to where its use ends or its successor serves."""
+    n_epochs = len(epoch_ns)
+    places = {row: sets.between(int(epoch_ns[0]), int(epoch_ns[-1])) for row, sets in sets_of.items()}
+    which = [sets_of[row].arrays[:, some.start : some.stop] for row, some in places.items()]
+    number, begin_ns, end_ns = np.concatenate([*which, np.empty((3, 0), dtype=np.int64)], axis=1)
+    row_start = np.repeat(n_epochs * np.array(list(places), dtype=np.int64), [len(some) for some in places.values()])
+    begin = row_start + np.maximum(np.searchsorted(epoch_ns, begin_ns, "left"), np.searchsorted(arrived, number, "right"))
+    end = row_start + np.searchsorted(epoch_ns, end_ns, "right")
+    end[:-1] = np.minimum(end[:-1], begin[1:])
+    runs = np.diff(np.stack((begin, np.maximum(begin, end)), axis=1).reshape(-1), prepend=0, append=n_rows * n_epochs)
+    chosen = np.full(len(runs), -1)
+    chosen[1::2] = number
+    return np.repeat(chosen, runs).reshape(n_rows, n_epochs)
 
 
 def _precedence(eph: Ephemeris) -> tuple[int | bool | float, ...]:

@@ -53,8 +53,8 @@ def test_acceleration_is_the_derivative_of_velocity(share: float) -> None:
     for k, eph in enumerate(SETS):
         states = satellite_states(SETS, INDEX[:, k : k + 1], around(round(share * eph.fit_half_s * NS_PER_S), NS_PER_S))
         difference_mps2 = (states.vel_ecef_mps[:, 2] - states.vel_ecef_mps[:, 0]) / 2.0
-        # Point mass: promised to 1e-4 m/s2.
-        assert states.acc_ecef_mps2[:, 1] == pytest.approx(difference_mps2, abs=1e-4), eph.satellite
+        # From arc to arc velocities jump by 1e-6 m/s.
+        assert states.acc_ecef_mps2[:, 1] == pytest.approx(difference_mps2, abs=2e-6), eph.satellite
 
 
 def test_clock_drift_is_the_derivative_of_the_clock() -> None:
@@ -144,8 +144,7 @@ def test_a_block_gives_the_same_as_single_epochs(t_ns: int) -> None:
     times = np.array([TOE_NS - FIT_NS, t_ns, t_ns + 1])
     together = satellite_states(SETS, INDEX, times).pos_ecef_m[:, 1]
     alone = satellite_states(SETS, INDEX[:1], times[1:2]).pos_ecef_m[:, 0]
-    # Seconds are counted from the block's first epoch: rounding of the time is below 1e-12 s.
-    assert together == pytest.approx(alone, abs=1e-6)
+    assert together.tolist() == alone.tolist()
 
 
 @pytest.mark.parametrize(
