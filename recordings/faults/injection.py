@@ -7,7 +7,7 @@ Where a recording has the bytes of a receiver, the frames concerned are changed 
 """
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 
 from integrity.assembler import nominal_epoch_ns
 from integrity.config import SiteConfig
@@ -15,49 +15,52 @@ from integrity.errors import ConfigError
 from integrity.events import EphemerisReceived, Event, ObservationsReceived
 from integrity.gnss.gps_time import format_utc
 from integrity.gnss.observations import ObservationRow
-from integrity.gnss.signals import satellite_of
-from integrity.gnss.ubx.framing import frame_bytes
+from integrity.gnss.signals import SYSTEM_NAMES, satellite_of
 from integrity.station_monitor import Snapshot
+from recordings.faults.edits import Changes, edits_of
 from recordings.faults.kinds import (
+    CodeCarrierDivergence,
+    ConstellationClock,
+    ConstellationFrame,
     CorruptBytes,
     Delay,
+    IonoFront,
     Jamming,
     LinkEffect,
+    LowPower,
+    Meaconing,
+    ReceiverClockJump,
     ReceiverDrop,
     ReceiverDuplicate,
     ReceiverFreeze,
-    SatelliteRamp,
-    SatelliteStep,
+    ReceiverNoise,
     WrongEphemeris,
     receivers_of,
+    satellites_of,
 )
 from recordings.faults.links import corrupted, delayed, duplicated
-from recordings.faults.measurements import rewritten
+from recordings.faults.meaconing import meaconed
 from recordings.faults.orbits import serving, wrong_navigation
-from recordings.faults.ranges import with_ranges_changed
-from recordings.faults.received import FrameAt, Measured, Received, measured, receive
-from recordings.faults.reception import frozen, jammed, last_before, with_deadline_ticks
+from recordings.faults.ranges import clock_jumped, with_ranges_changed
+from recordings.faults.received import Measured, Received, measured, receive
+from recordings.faults.reception import frozen, jammed, last_before, noisier, weakened, with_deadline_ticks
 from recordings.faults.scenario import Fault
-from recordings.faults.splicing import Edit, spliced
+from recordings.faults.splicing import spliced
 from recordings.faults.truth import RecordedRow, Truth, truth_of
 from recordings.faults.words import wrong_words
 
-LATER = (Jamming, ReceiverFreeze, ReceiverDrop, ReceiverDuplicate, Delay, CorruptBytes)  # after all that changes ranges, in this order
-
-
-@dataclass
-class _Changes:
-    """What the faults so far have made of a recording: rows and events by their place among what was received, frames by where they are.
-
-    `repeats`: the row that is sent in place of another.
-    """
-
-    rows: dict[int, ObservationRow]
-    repeats: dict[int, int] = field(default_factory=dict)
-    dropped: set[int] = field(default_factory=set)
-    before: dict[int, list[Event]] = field(default_factory=dict)
-    instead: dict[int, Event] = field(default_factory=dict)
-    words: dict[FrameAt, bytes] = field(default_factory=dict)
+LATER = (  # after all that changes ranges, in this order
+    Meaconing,
+    LowPower,
+    Jamming,
+    ReceiverNoise,
+    ReceiverClockJump,
+    ReceiverFreeze,
+    ReceiverDrop,
+    ReceiverDuplicate,
+    Delay,
+    CorruptBytes,
+)
 
 
 def inject(
@@ -72,7 +75,7 @@ def inject(
         return tuple(events)
     received = receive(events, site, snapshot)
     truth = truth_of(received.events, site, snapshot)
-    changes = _Changes({seen.place: seen.row for seen in truth.rows})
+    changes = Changes({seen.place: seen.row for seen in truth.rows})
     on_links: list[tuple[int, Fault, LinkEffect]] = []
     silenced: dict[str, None] = {}
     for number, fault in sorted(enumerate(faults), key=lambda numbered: _turn(numbered[1])):
@@ -84,7 +87,7 @@ def inject(
             on_links.append((number, fault, effect))
         elif not _change(changes, fault, received, truth, hit, (seed, number)):
             raise ConfigError(f"{fault}: changes nothing: {_why_nothing(fault, truth)}; choose another start, size, receiver or satellite")
-    out = _rebuilt(events, received, changes)
+    out = _rebuilt(events, received, changes, truth)
     if on_links:
         out = _on_their_way(out, on_links, site, seed, snapshot)
     if silenced:
@@ -97,7 +100,7 @@ def _turn(fault: Fault) -> int:
     return next((1 + i for i, kind in enumerate(LATER) if isinstance(fault.effect, kind)), 0)
 
 
-def _change(changes: _Changes, fault: Fault, received: Received, truth: Truth, hit: Sequence[RecordedRow], seed: tuple[int, int]) -> bool:
+def _change(changes: Changes, fault: Fault, received: Received, truth: Truth, hit: Sequence[RecordedRow], seed: tuple[int, int]) -> bool:
     """Note what a fault changes; whether that is anything."""
     rows = changes.rows
     match fault.effect:
@@ -106,13 +109,18 @@ def _change(changes: _Changes, fault: Fault, received: Received, truth: Truth, h
         case ReceiverDrop():
             changes.dropped.update(seen.place for seen in hit)
             return True
+        case Meaconing() as effect:
+            changed = dict(meaconed(fault, effect, truth, hit, rows))
+        case LowPower() as effect:
+            changed = dict(weakened(fault, effect, truth, hit, rows, seed))
         case Jamming() as effect:
             changed = dict(jammed(fault, effect, truth, hit, rows, seed))
+        case ReceiverNoise() as effect:
+            changed = dict(noisier(effect, truth, hit, rows, seed))
+        case ReceiverClockJump() as effect:
+            changed = dict(clock_jumped(effect, truth, hit, rows))
         case ReceiverFreeze():
-            last = last_before(truth, hit)
-            changed = {} if last is None else dict(frozen(hit, rows[last]))
-            if last is not None:
-                changes.repeats |= dict.fromkeys(changed, changes.repeats.get(last, last))
+            changed = _freeze(changes, truth, hit)
         case CorruptBytes() | Delay() | ReceiverDuplicate():
             raise AssertionError(f"{fault.kind} acts after everything else")
         case effect:
@@ -121,9 +129,16 @@ def _change(changes: _Changes, fault: Fault, received: Received, truth: Truth, h
     return bool(changed)
 
 
-def _displace(
-    changes: _Changes, fault: Fault, effect: WrongEphemeris, received: Received, truth: Truth, hit: Sequence[RecordedRow]
-) -> bool:
+def _freeze(changes: Changes, truth: Truth, hit: Sequence[RecordedRow]) -> dict[int, ObservationRow]:
+    last = last_before(truth, hit)
+    if last is None:
+        return {}
+    frozen_rows = dict(frozen(hit, changes.rows[last], changes.rows))
+    changes.repeats |= dict.fromkeys(frozen_rows, changes.repeats.get(last, last))
+    return frozen_rows
+
+
+def _displace(changes: Changes, fault: Fault, effect: WrongEphemeris, received: Received, truth: Truth, hit: Sequence[RecordedRow]) -> bool:
     """Words are replaced as they come; where ephemerides or measurements come as such, so does the displaced one."""
     serving(fault, effect, truth, hit[0])
     words = dict(wrong_words(fault, effect, truth, received.words))
@@ -147,12 +162,13 @@ def _rows_hit(fault: Fault, truth: Truth) -> list[RecordedRow]:
     hit = truth.covered(fault.covers, receivers_of(fault.effect))
     if not hit:
         raise ConfigError(f"{fault}: covers no epoch: {_span(truth)}; choose a start within it")
-    if isinstance(fault.effect, SatelliteStep | SatelliteRamp | WrongEphemeris):
-        seen = _satellites(seen.row for seen in hit)
-        if fault.effect.satellite not in seen:
-            raise ConfigError(
-                f"{fault}: {fault.effect.satellite} is not seen then; seen are {', '.join(seen) or 'no satellites'}; {_span(truth)}"
-            )
+    seen = _satellites(seen.row for seen in hit)
+    for satellite in satellites_of(fault.effect):
+        if satellite not in seen:
+            raise ConfigError(f"{fault}: {satellite} is not seen then; seen are {', '.join(seen) or 'no satellites'}; {_span(truth)}")
+    if isinstance(fault.effect, ConstellationClock | ConstellationFrame) and not any(s[0] == fault.effect.system for s in seen):
+        systems = ", ".join(SYSTEM_NAMES[letter] for letter in dict.fromkeys(satellite[0] for satellite in seen)) or "no satellites"
+        raise ConfigError(f"{fault}: no satellite of {SYSTEM_NAMES[fault.effect.system]} is seen then; seen are {systems}; {_span(truth)}")
     return hit
 
 
@@ -160,8 +176,14 @@ def _why_nothing(fault: Fault, truth: Truth) -> str:
     match fault.effect:
         case ReceiverFreeze():
             return f"no row of the receiver before it could be repeated; {_span(truth)}"
-        case Jamming():
-            return "no signal is received then, or the ramp has not begun"
+        case Jamming() | LowPower():
+            return "no such signal is received then, or the ramp has not begun"
+        case IonoFront():
+            return "no signal of a satellite with an ephemeris is pierced behind its edge then"
+        case CodeCarrierDivergence():
+            return "the codes of the satellite are not measured then, or the drift has not begun"
+        case Meaconing():
+            return f"{fault.effect.from_receiver} hears nothing then that the others know an orbit of"
         case WrongEphemeris():
             return "no words with the orbit of the satellite begin then; each page comes every 30 s"
         case _:
@@ -179,14 +201,14 @@ def _span(truth: Truth) -> str:
     return f"the recording spans {format_utc(min(epochs))} to {format_utc(max(epochs))}"
 
 
-def _rebuilt(events: Sequence[Event], received: Received, changes: _Changes) -> list[Event]:
+def _rebuilt(events: Sequence[Event], received: Received, changes: Changes, truth: Truth) -> list[Event]:
     """The events as they are now; rows that are no more are left out, events of receivers unknown to the site stay."""
     place_of = {origin: place for place, origin in enumerate(received.origins) if not received.as_bytes[place]}
     before: dict[int, list[Event]] = {}
     for place, entering in changes.before.items():
         before[received.origins[place]] = before.get(received.origins[place], []) + entering
     out: list[Event] = []
-    for origin, event in enumerate(spliced(events, _edits(received, changes))):
+    for origin, event in enumerate(spliced(events, edits_of(received, changes, truth))):
         out += before.get(origin, [])
         at = place_of.get(origin)  # None: bytes
         if event is None or at in changes.dropped:
@@ -199,28 +221,6 @@ def _rebuilt(events: Sequence[Event], received: Received, changes: _Changes) -> 
         else:
             out.append(changes.instead.get(at, event))
     return out
-
-
-def _edits(received: Received, changes: _Changes) -> list[Edit]:
-    """What becomes of the bytes. Of a receiver that is silent, all that came since its measurements before is gone."""
-    edits = [Edit(f.receiver, f.begin, f.end, frame_bytes(*f.kind, payload)) for f, payload in changes.words.items()]
-    last = {frame.receiver: place for place, frame in received.frames.items()}
-    for place, frame in received.frames.items():
-        was = _row(received, place)
-        if place in changes.dropped:
-            end = received.sizes[frame.receiver] if place == last[frame.receiver] else frame.end
-            edits.append(Edit(frame.receiver, frame.since, end, b""))
-        elif changes.rows[place] is not was:
-            source = changes.repeats.get(place, place)
-            payload = rewritten(frame.payload, received.frames[source].payload, _row(received, source), changes.rows[place])
-            edits.append(Edit(frame.receiver, frame.begin, frame.end, frame_bytes(*frame.kind, payload)))
-    return edits
-
-
-def _row(received: Received, place: int) -> ObservationRow:
-    event = received.events[place]
-    assert isinstance(event, ObservationsReceived)
-    return event.row
 
 
 def _on_their_way(
@@ -248,6 +248,6 @@ def _on_their_way(
 def _why_no_link(effect: LinkEffect, hit: Sequence[Measured]) -> str:
     if not hit:
         return f"another fault has silenced {effect.receiver} then"
-    if all(found.frame is None for found in hit):
+    if all(found.burst is None for found in hit):
         return f"the recording has no bytes of {effect.receiver}, only its measurements"
     return "no bit happens to flip"

@@ -27,22 +27,22 @@ def corrupted(
     stream = _bytes_of(events, effect.receiver)
     edits = []
     for found in hit:
-        if found.frame is not None:
-            old = np.frombuffer(stream[found.frame.since : found.frame.end], np.uint8)
+        if found.burst is not None:
+            old = np.frombuffer(stream[found.burst.since : found.burst.end], np.uint8)
             chance = np.random.Generator(
                 np.random.PCG64([*seed, site.receiver_names.index(found.receiver), found.receive_time_ns, len(old)])
             )
             flips = np.where(chance.random(len(old)) < effect.rate, 1 << chance.integers(0, 8, len(old)), 0).astype(np.uint8)
-            edits.append(Edit(found.receiver, found.frame.since, found.frame.end, (old ^ flips).tobytes()))
+            edits.append(Edit(found.receiver, found.burst.since, found.burst.end, (old ^ flips).tobytes()))
     return [event for event in spliced(events, edits) if event is not None]
 
 
 def duplicated(events: Sequence[Event], effect: ReceiverDuplicate, hit: Sequence[Measured]) -> list[Event]:
     """Each row twice; bytes again as soon as those of an epoch are complete, so that no frame is broken by it."""
     stream = _bytes_of(events, effect.receiver)
-    rows = {found.place for found in hit if found.frame is None}
-    frames = [found.frame for found in hit if found.frame is not None]
-    edits = [Edit(f.receiver, f.begin, f.end, stream[f.begin : f.end] + stream[f.since : f.end]) for f in frames]
+    rows = {found.place for found in hit if found.burst is None}
+    bursts = [found.burst for found in hit if found.burst is not None]
+    edits = [Edit(effect.receiver, b.frames[-1].begin, b.end, stream[b.frames[-1].begin : b.end] + stream[b.since : b.end]) for b in bursts]
     out: list[Event] = []
     for place, event in enumerate(spliced(events, edits)):
         assert event is not None
@@ -53,9 +53,9 @@ def duplicated(events: Sequence[Event], effect: ReceiverDuplicate, hit: Sequence
 def delayed(events: Sequence[Event], effect: Delay, hit: Sequence[Measured]) -> list[Event]:
     """What comes of a receiver comes later; what comes after that waits behind it: no link overtakes itself. All else stays."""
     delay_ns = round(effect.seconds * NS_PER_S)
-    rows = {found.place for found in hit if found.frame is None}
-    frames = [found.frame for found in hit if found.frame is not None]
-    begin, end = (frames[0].since, frames[-1].end) if frames else (0, 0)
+    rows = {found.place for found in hit if found.burst is None}
+    bursts = [found.burst for found in hit if found.burst is not None]
+    begin, end = (bursts[0].since, bursts[-1].end) if bursts else (0, 0)
     kept: list[Event] = []
     late: list[RawBytes | ObservationsReceived] = []
     position = 0

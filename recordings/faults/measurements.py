@@ -10,6 +10,7 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
+from integrity.gnss.gps_time import NS_PER_S, WEEK_S
 from integrity.gnss.observations import Bools, Floats, Ints, ObservationRow
 from integrity.gnss.ubx.identifiers import signal_of
 from integrity.gnss.ubx.rawx import RAWX_DTYPE, RAWX_HEADER
@@ -19,8 +20,8 @@ MOST_CN0_DBHZ = 63.0  # six bits in the receiver
 Measurements = NDArray[np.void]  # of RAWX_DTYPE
 
 
-def rewritten(own: bytes, source: bytes, was: ObservationRow, now: ObservationRow) -> bytes:
-    """The payload with the measurements of `source` as they are `now`, where they decode to `was`, under the time of `own`.
+def rewritten(own: bytes, source: bytes, was: ObservationRow, now: ObservationRow, later_ns: int) -> bytes:
+    """The payload with the measurements of `source` as they are `now`, where they decode to `was`, under the time of `own`, so much later.
 
     What is the same in `was` and `now` keeps its bytes.
     """
@@ -38,8 +39,9 @@ def rewritten(own: bytes, source: bytes, was: ObservationRow, now: ObservationRo
     kept = np.ones(len(m), dtype=np.bool_)
     kept[[place_of[signal] for signal in column_of.keys() - set(now.signals)]] = False
     tow_s, week, leap_s, _, state, version = RAWX_HEADER.unpack_from(own)
+    weeks, tow_s = divmod(tow_s + later_ns / NS_PER_S, WEEK_S) if later_ns else (0, tow_s)
     header = bytearray(own[: RAWX_HEADER.size])
-    RAWX_HEADER.pack_into(header, 0, tow_s, week, leap_s, int(kept.sum()), state, version)
+    RAWX_HEADER.pack_into(header, 0, tow_s, week + int(weeks), leap_s, int(kept.sum()), state, version)
     header[-2:] = own[RAWX_HEADER.size - 2 : RAWX_HEADER.size]  # reserved
     return bytes(header) + m[kept].tobytes()
 

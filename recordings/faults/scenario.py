@@ -8,10 +8,11 @@ from pydantic import Field, ValidationError
 
 from integrity.config import SiteConfig
 from integrity.gnss.gps_time import NS_PER_S, format_utc, parse_utc
-from recordings.faults.kinds import KINDS, AntennaMoved, Effect, LinkEffect, receivers_of
+from recordings.faults.kinds import KINDS, AntennaMoved, Effect, LinkEffect
 from recordings.site_schema import Section
 from recordings.toml_file import ConfigProblems, Parts, Problem, TomlDocument, did_you_mean, dotted, parse_toml
 
+RECEIVER_KEYS = ("receiver", "receivers", "from_receiver", "to_receivers")
 UNBOUNDED = (AntennaMoved.kind,)  # kinds that last to the end of the recording where no duration is given
 
 
@@ -35,6 +36,10 @@ class Fault:
     def covers(self, epoch_ns: int) -> bool:
         """Whether an epoch is faulty."""
         return self.start_ns <= epoch_ns and (self.end_ns is None or epoch_ns < self.end_ns)
+
+    def elapsed_s(self, epoch_ns: int) -> float:
+        """Since the start, at an epoch."""
+        return (epoch_ns - self.start_ns) / NS_PER_S
 
     def __str__(self) -> str:
         end = "the end of the recording" if self.end_ns is None else format_utc(self.end_ns)
@@ -98,16 +103,22 @@ def _effect(
         effect = KINDS[kind].model_validate(own)
     except ValidationError as error:
         return None, _problems(document, parts, KINDS[kind], own, error)
-    named = receivers_of(effect)
-    at = (*parts, "receiver" if "receiver" in own else "receivers")
+    problems = [
+        problem for key in RECEIVER_KEYS if key in own for problem in _receiver_problems(document, (*parts, key), own[key], receivers)
+    ]
+    return (None if problems else effect), problems
+
+
+def _receiver_problems(document: TomlDocument, at: Parts, named: str | Sequence[str], receivers: Sequence[str]) -> list[Problem]:
+    names = [named] if isinstance(named, str) else named
     problems = [
         document.problem(at, f'the site has no receiver "{name}": expected {" or ".join(receivers)}{did_you_mean(name, receivers)}')
-        for name in dict.fromkeys(named)
+        for name in dict.fromkeys(names)
         if name not in receivers
     ]
-    if len(set(named)) < len(named):
+    if len(set(names)) < len(names):
         problems.append(document.problem(at, "a receiver stands twice: name each once"))
-    return (None if problems else effect), problems
+    return problems
 
 
 def _times(

@@ -112,8 +112,12 @@ def elevations_rad(truth: Truth, run: Sequence[RecordedRow]) -> list[Floats]:
     return _by_row(block, run, el_rad)
 
 
-def range_changes(truth: Truth, run: Sequence[RecordedRow], there: Points, velocity_ecef_mps: Floats) -> list[RangeChange]:
+def range_changes(
+    truth: Truth, run: Sequence[RecordedRow], there: Points, velocity_ecef_mps: Floats, longer_m: float = 0.0
+) -> list[RangeChange]:
     """What the ranges would be `there` minus what they are at the surveyed point; rows of one receiver, points and velocities (E, 1, 3).
+
+    `longer_m`: what the signals come later by, or the receiver's clock is ahead, so that all of them were sent that much earlier.
 
     Distance and the Earth's rotation exactly (to 0.01 mm), troposphere and ionosphere by the models of the monitor at the latitude,
     longitude and height that `there` states: with those of the surveyed point only the slant differs, 0.1 mm per 100 m. Of every signal as
@@ -127,13 +131,35 @@ def range_changes(truth: Truth, run: Sequence[RecordedRow], there: Points, veloc
     at_there = at_here
     for _ in range(RANGE_ITERATIONS):
         at_there = prefit(replace(block, pseudorange_m=block.pseudorange_m + delta_m), states, there, klobuchar)
-        delta_m = delta_m + at_here.residual_m - at_there.residual_m
+        delta_m = delta_m + at_here.residual_m + longer_m - at_there.residual_m
     satellite_mps = states.vel_ecef_mps[:, :, None, :]
     antenna_mps = np.moveaxis(velocity_ecef_mps, -1, 0)[..., None]
     approach_here = (_in_ecef(at_here.los_enu, here) * satellite_mps).sum(axis=0)
     approach_there = (_in_ecef(at_there.los_enu, there) * (satellite_mps - antenna_mps)).sum(axis=0)
     pairs = zip(_by_row(block, run, delta_m), _by_row(block, run, approach_there - approach_here), strict=True)
     return [RangeChange(delta, rate) for delta, rate in pairs]
+
+
+def residuals(truth: Truth, run: Sequence[RecordedRow]) -> list[Floats]:
+    """Of each row, measured minus modelled ranges at the surveyed point, m, the clock left in; NaN without range or ephemeris."""
+    block, states = _block_and_states(truth, run)
+    residual_m = prefit(block, states, surveyed(truth, run[0].row.receiver), run[0].klobuchar).residual_m
+    by_row = _by_row(block, run, residual_m)
+    return [np.where(np.isfinite(seen.row.pseudorange_m), mine, np.nan) for seen, mine in zip(run, by_row, strict=True)]
+
+
+class Tracks(NamedTuple):
+    """Where the satellites of a row's signals are, and how they move, (3, n) in ECEF; NaN without ephemeris."""
+
+    pos_ecef_m: Floats
+    vel_ecef_mps: Floats
+
+
+def tracks(truth: Truth, run: Sequence[RecordedRow]) -> list[Tracks]:
+    """Of each row, a travel time before it was measured."""
+    block, states = _block_and_states(truth, run)
+    axes = [_by_row(block, run, axis[:, None]) for axis in (*states.pos_ecef_m, *states.vel_ecef_mps)]
+    return [Tracks(np.array(parts[:3]), np.array(parts[3:])) for parts in zip(*axes, strict=True)]
 
 
 def _block_and_states(truth: Truth, run: Sequence[RecordedRow]) -> tuple[ObservationBlock, SatelliteStates]:

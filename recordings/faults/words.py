@@ -1,131 +1,134 @@
-"""Navigation words of a satellite with a displaced orbit in them: subframes 1 to 3 of GPS LNAV, words 1 to 4 of Galileo I/NAV.
+"""Navigation words, and RTCM ephemerides, of a satellite with a displaced orbit in them.
 
-The orbit's parameters and the issue change, and parity or CRC with them; everything else in a message stays, its time above all.
-Other messages that may carry the orbit (CNAV, F/NAV) stay as they are: no decision comes from them.
+LNAV of GPS and QZSS, I/NAV and F/NAV of Galileo, D1 and D2 of BeiDou, GLONASS; RTCM 1019, 1020, 1042, 1044, 1045 and 1046. The orbit's
+parameters and the issue change, and parity or CRC with them; everything else in a message stays, its time above all. Messages that no
+decision comes from (CNAV, the position of SBAS satellites in their message 9) stay as they are.
 """
 
 import math
 import struct
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import replace
 from functools import cache
-from typing import NamedTuple
 
 from integrity.errors import ConfigError
-from integrity.gnss.ephemeris.broadcast import KeplerEphemeris
-from integrity.gnss.gps_time import NS_PER_S, WEEK_NS
-from integrity.gnss.navigation import inav, lnav
-from integrity.gnss.navigation.bits import Layout, nearest_ns
-from integrity.gnss.ubx.sfrbx import HEADER_BYTES, NavigationWords, decode_sfrbx
+from integrity.gnss.ephemeris.broadcast import Ephemeris, KeplerEphemeris
+from integrity.gnss.navigation.bits import Layout
+from integrity.gnss.navigation.kinds import kind_of
+from integrity.gnss.rtcm.navigation import ephemeris_of
+from integrity.gnss.rtcm.navigation_tables import TABLES
+from integrity.gnss.ubx.sfrbx import HEADER_BYTES, decode_sfrbx
 from recordings.faults.kinds import WrongEphemeris
 from recordings.faults.orbits import ISSUES, wrong_orbit
+from recordings.faults.pages import begun_ns, page_of, replaced, words_of
 from recordings.faults.received import FrameAt, WordsAt
 from recordings.faults.scenario import Fault
 from recordings.faults.truth import Truth
-from recordings.simulate.navigation_words import subframe_words
 
-PAGE_NS = 2 * NS_PER_S  # Galileo OS SIS ICD, 4.3.2: even and odd part
-ORBIT = ("sqrt_a", "delta_n", "m0", "i0", "omega0", "omega")  # what `displaced` changes
+ORBIT = ("sqrt_a", "delta_n", "m0", "i0", "omega0", "omega", "x_m", "y_m", "z_m", "vx_mps", "vy_mps", "vz_mps")  # what displacing changes
 TURNS = ("m0", "omega0", "omega")  # angles that are sent between -pi and pi
-SUBFRAMES = {1: lnav.SUBFRAME_1, 2: lnav.SUBFRAME_2, 3: lnav.SUBFRAME_3}
-WORDS = {1: inav.WORD_1, 2: inav.WORD_2, 3: inav.WORD_3, 4: inav.WORD_4}
-
-
-class _Message(NamedTuple):
-    """A page of a set: its bits, their layout, and the name of the issue in it."""
-
-    bits: int
-    layout: Layout
-    issue_field: str
-
-    @property
-    def issue(self) -> int:
-        return self.layout.integer(self.bits, self.issue_field)
+ISSUE_FIELDS = ("issue", "iodc", "iode", "aode")
 
 
 def wrong_words(fault: Fault, effect: WrongEphemeris, truth: Truth, words: Sequence[WordsAt]) -> Iterator[tuple[FrameAt, bytes]]:
-    """The frames whose words began while the fault lasts, with the payload that they have then.
+    """The frames whose words began while the fault lasts, with the payload that they have then; RTCM messages that came then.
 
     Words of a set that never becomes complete in the recording stay: nobody can say where its orbit would be. ConfigError where the
     displaced orbit is none, or a message has no room for it.
     """
-    wrong_set_of = _wrong_sets(fault, effect, truth)
+    sets = _Sets(fault, effect, truth)
     for frame, near_ns in words:
-        said = decode_sfrbx(frame.payload)
-        if frame.begin < 0 or said is None or said.satellite != effect.satellite or near_ns is None:
+        if frame.begin < 0 or near_ns is None:
             continue
-        page = _page(said)
-        if page is None or not fault.covers(_begun_ns(said, page, near_ns)):
-            continue
-        pair = wrong_set_of(page.issue % ISSUES[said.satellite[0]], near_ns)
-        if pair is not None:
-            yield frame, frame.payload[:HEADER_BYTES] + _wrong_page(fault, said, page, *pair)
+        payload = _wrong_message(sets, frame, near_ns) if frame.protocol == "rtcm3" else _wrong_sfrbx(sets, frame, near_ns)
+        if payload is not None:
+            yield frame, payload
 
 
-def _wrong_sets(fault: Fault, effect: WrongEphemeris, truth: Truth) -> Callable[[int, int], tuple[KeplerEphemeris, KeplerEphemeris] | None]:
-    """From an issue and a time to the set of that issue nearest to it, and the same displaced."""
-    sets = [eph for eph in truth.store.ephemerides if isinstance(eph, KeplerEphemeris) and eph.satellite == effect.satellite]
+class _Sets:
+    """The sets of the satellite that receivers were told of in the recording, and each of them displaced."""
 
-    @cache
-    def displaced_of(true: KeplerEphemeris) -> KeplerEphemeris:
-        return wrong_orbit(fault, effect, true, max(fault.start_ns, true.transmission_ns))
+    def __init__(self, fault: Fault, effect: WrongEphemeris, truth: Truth) -> None:
+        self.fault, self.satellite = fault, effect.satellite
+        self._true = [eph for eph in truth.store.ephemerides if eph.satellite == effect.satellite]
+        self._frames: dict[tuple[str, int], int] = {}
+        self.displaced: Callable[[Ephemeris], Ephemeris] = cache(
+            lambda true: wrong_orbit(fault, effect, true, max(fault.start_ns, true.transmission_ns))
+        )
 
-    def pair(issue: int, near_ns: int) -> tuple[KeplerEphemeris, KeplerEphemeris] | None:
-        same = [eph for eph in sets if eph.issue == issue]
-        if not same:
-            return None
-        true = min(same, key=lambda eph: (abs(eph.transmission_ns - near_ns), eph.transmission_ns))
-        return true, displaced_of(true)
+    def of_issue(self, message: str, issue: int, near_ns: int) -> Ephemeris | None:
+        """The set of an issue nearest to a time. Nobody is told of F/NAV's sets where I/NAV is heard: their orbits are the same."""
+        same = [eph for eph in self._true if isinstance(eph, KeplerEphemeris) and eph.issue == issue]
+        of_message = [eph for eph in same if eph.message == message] or (same if message == "FNAV" else [])
+        return min(of_message, key=lambda eph: (abs(eph.transmission_ns - near_ns), eph.transmission_ns), default=None)
 
-    return pair
+    def in_force(self, begun: int) -> Ephemeris | None:
+        """The set that the last frame, or this one, began to send; the first one for frames before it."""
+        in_order = sorted(self._true, key=lambda eph: eph.transmission_ns)
+        sent = [eph for eph in in_order if eph.transmission_ns <= begun]
+        return sent[-1] if sent else in_order[0] if in_order else None
 
+    def first_told(self, told: Ephemeris) -> Ephemeris | None:
+        """The set that a message repeats."""
+        same = [eph for eph in self._true if replace(eph, transmission_ns=told.transmission_ns) == told]
+        return min(same, key=lambda eph: eph.transmission_ns, default=None)
 
-def _page(said: NavigationWords) -> _Message | None:
-    """The page of a set that words hold; None for others and for damaged ones."""
-    if said.signal == "1C":
-        bits = lnav.subframe_of(said.words)
-        number = 0 if bits is None else lnav.HEAD.integer(bits, "subframe")
-        return None if bits is None or number not in SUBFRAMES else _Message(bits, SUBFRAMES[number], "iodc" if number == 1 else "iode")
-    bits = inav.word_of(said.words)
-    number = 0 if bits is None else inav.HEAD.integer(bits, "word_type")
-    return None if bits is None or number not in WORDS else _Message(bits, WORDS[number], "issue")
-
-
-def _begun_ns(said: NavigationWords, page: _Message, near_ns: int) -> int:
-    """When the satellite began to send a page that came at `near_ns`; I/NAV words do not say it: the last whole page before."""
-    if said.satellite[0] == "E":
-        return near_ns // PAGE_NS * PAGE_NS - PAGE_NS
-    count = (page.layout.integer(page.bits, "next_tow_count") - 1) % lnav.SUBFRAMES_A_WEEK
-    return nearest_ns(count * lnav.SUBFRAME_S * NS_PER_S, near_ns, WEEK_NS)
+    def frame_begun_ns(self, frame: FrameAt, common: int | None, begun: int) -> int:
+        """All strings of a frame of GLONASS began with the first of them that came, however late they were passed on."""
+        return begun if common is None else self._frames.setdefault((frame.receiver, common), begun)
 
 
-def _wrong_page(fault: Fault, said: NavigationWords, page: _Message, true: KeplerEphemeris, wrong: KeplerEphemeris) -> bytes:
-    """The words of a page of a true set as those of the wrong one, as they stand in RXM-SFRBX."""
-    values: dict[str, float] = {page.issue_field: page.issue - page.issue % ISSUES[said.satellite[0]] + wrong.issue}
+def _wrong_sfrbx(sets: _Sets, frame: FrameAt, near_ns: int) -> bytes | None:
+    said = decode_sfrbx(frame.payload)
+    kind = None if said is None or said.satellite != sets.satellite else kind_of(said.satellite, said.signal)
+    data = None if kind is None or said is None else kind.data_of(said)
+    if said is None or kind is None or data is None:
+        return None
+    number = kind.number_of(data)
+    page = page_of(kind, number, data)
+    if page is None:
+        return None
+    begun = begun_ns(kind, number, page, near_ns)
+    if kind.name == "GLONASS":
+        begun = sets.frame_begun_ns(frame, kind.common_of(number, data), begun)
+    if not sets.fault.covers(begun):
+        return None
+    issue = page.issue
+    true = sets.in_force(begun) if issue is None else sets.of_issue(kind.name, issue % ISSUES[said.satellite[0]], near_ns)
+    if true is None:
+        return None
+    bits = _with_orbit(sets, page.layout, page.bits, true)
+    words = words_of(kind, page, bits, said.words)
+    return frame.payload[:HEADER_BYTES] + struct.pack(f"<{len(words)}I", *words)
+
+
+def _wrong_message(sets: _Sets, frame: FrameAt, near_ns: int) -> bytes | None:
+    """An RTCM message: the table in front, what stands behind it stays."""
+    told = ephemeris_of(frame.payload, near_ns, near_ns)
+    if told is None or told.satellite != sets.satellite or not sets.fault.covers(near_ns):
+        return None
+    true = sets.first_told(told)
+    if true is None:
+        return None
+    table, size = TABLES[frame.kind[0]], len(frame.payload)
+    whole, behind = int.from_bytes(frame.payload, "big"), 8 * size - table.bits
+    bits = _with_orbit(sets, table, whole >> behind, true)
+    return (bits << behind | whole & (1 << behind) - 1).to_bytes(size, "big")
+
+
+def _with_orbit(sets: _Sets, layout: Layout, bits: int, true: Ephemeris) -> int:
+    """A message of a true set, or a page of it, as one of the wrong set."""
+    wrong = sets.displaced(true)
+    values: dict[str, float] = {}
+    if isinstance(true, KeplerEphemeris) and isinstance(wrong, KeplerEphemeris):
+        issues = ISSUES[true.satellite[0]]
+        sent = {name: layout.integer(bits, name) for name in ISSUE_FIELDS if name in layout.fields}
+        values |= {name: issue - issue % issues + wrong.issue for name, issue in sent.items()}
     for name in ORBIT:
-        value = getattr(wrong, name)
-        if name in page.layout.fields and value != getattr(true, name):
+        value = getattr(wrong, name, None)
+        if name in layout.fields and value is not None and value != getattr(true, name):
             values[name] = math.remainder(value, math.tau) if name in TURNS else value
     try:
-        bits = _replaced(page.layout, page.bits, values)
+        return replaced(layout, bits, values)
     except ValueError as error:
-        raise ConfigError(f"{fault}: {said.satellite} cannot send the orbit: {error}; make the offset smaller") from None
-    words = subframe_words(bits) if said.satellite[0] == "G" else _page_words(said.words, bits)
-    return struct.pack(f"<{len(words)}I", *words)
-
-
-def _replaced(layout: Layout, message: int, values: Mapping[str, float]) -> int:
-    """The message with some of its fields as given."""
-    for name in values:
-        for part in layout.fields[name].parts:
-            message &= ~((1 << part.bits) - 1 << layout.bits - part.first - part.bits)
-    return message | layout.message(values)
-
-
-def _page_words(words: Sequence[int], bits: int) -> tuple[int, ...]:
-    """The words of a page with another I/NAV word in it, and its CRC."""
-    page = 0
-    for word in words:
-        page = page << 32 | word
-    page = _replaced(inav.PAGE, page, {"data_1": bits >> 16, "data_2": bits & 0xFFFF})
-    page = _replaced(inav.PAGE, page, {"crc": inav.page_crc(page)})
-    return tuple(page >> shift & 0xFFFFFFFF for shift in range(224, -1, -32))
+        raise ConfigError(f"{sets.fault}: {sets.satellite} cannot send the orbit: {error}; make the offset smaller") from None

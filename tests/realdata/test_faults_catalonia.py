@@ -17,7 +17,17 @@ from integrity.outputs import EpochReport
 from integrity.states import Cause, State
 from integrity.station_monitor import StationMonitor
 from recordings.faults import Fault, inject
-from recordings.faults.kinds import Effect, ReceiverBias, SatelliteStep, Spoofing, TwoReceivers
+from recordings.faults.kinds import (
+    ConstellationClock,
+    Effect,
+    Meaconing,
+    ReceiverBias,
+    ReceiverClockJump,
+    SatelliteAcceleration,
+    SatelliteStep,
+    Spoofing,
+    TwoReceivers,
+)
 from recordings.faults.truth import elevations_rad, runs, truth_of
 from recordings.importer import import_files
 from recordings.rinex.navigation import NavigationFile, read_navigation
@@ -250,3 +260,40 @@ def test_spoofed_receivers_solve_to_one_point(case: Case) -> None:
     points = StationMonitor(site).triangle
     solved = points.pos_ecef_m + np.einsum("rij,ri->rj", points.enu, report.e_enu_m)
     assert np.abs(solved - solved.mean(axis=0)).max() < 3.0
+
+
+@of_cases
+@pytest.mark.parametrize("source", "ABC")
+def test_receivers_that_hear_another_ones_antenna_are_spoofed_in_the_first_epoch(case: Case, source: str) -> None:
+    others = tuple(sorted(set("ABC") - {source}))
+    report = decided(case, Meaconing(from_receiver=source, to_receivers=others, delay_m=100.0))[0]
+    assert (report.state, report.cause) == (State.SATELLITE_ANOMALY, Cause.SPOOFING)
+
+
+# Clocks that step move no position
+
+
+@of_cases
+@pytest.mark.parametrize(
+    "effect",
+    [
+        ReceiverClockJump(receiver="B", size_m=299_792.458),
+        ReceiverClockJump(receiver="B", size_m=-150_000.0),
+        ConstellationClock(system="GPS", size_m=30.0),
+    ],
+    ids=["1 ms", "half a ms", "GPS"],
+)
+def test_a_clock_that_steps_stops_nothing(case: Case, effect: Effect) -> None:
+    assert {report.state for report in decided(case, effect)} == {State.NORMAL}
+
+
+# A satellite whose clock runs away
+
+
+@of_cases
+def test_a_satellite_that_accelerates_is_excluded_alone_and_named_in_the_end(case: Case) -> None:
+    """1 mm/s2 is 30 m in four minutes, 238 m in the last epoch."""
+    for satellite in high_satellites(case):
+        reports = decided(case, SatelliteAcceleration(satellite=satellite, rate_mps2=0.001))
+        assert {name for report in reports for name in report.excluded} == {satellite}
+        assert reports[-1].subjects == (satellite,)

@@ -4,9 +4,16 @@ import numpy as np
 import pytest
 
 from integrity.errors import ConfigError
+from integrity.events import ObservationsReceived
 from recordings.faults import Fault, inject
 from recordings.faults.kinds import (
+    CodeCarrierDivergence,
+    ConstellationClock,
+    IonoFront,
     Jamming,
+    LowPower,
+    Meaconing,
+    Multipath,
     ReceiverBias,
     ReceiverFreeze,
     SatelliteStep,
@@ -47,8 +54,36 @@ NOTHING = {
     ),
     "nothing to repeat": (Fault(FIRST_NS, END_NS, ReceiverFreeze(receiver="A")), "no row of the receiver before it"),
     "spoofed to where it is": (Fault(START_NS, END_NS, Spoofing(receivers=("A",))), "the ranges are what they would be anyway"),
+    "system unseen": (
+        Fault(START_NS, END_NS, ConstellationClock(system="Galileo", size_m=1.0)),
+        "no satellite of Galileo is seen then; seen are GPS; the recording spans",
+    ),
+    "drift not begun": (
+        Fault(START_NS, EPOCHS[6], CodeCarrierDivergence(satellite=SEEN[0][:3], rate_mps=1.0)),
+        "the drift has not begun",
+    ),
+    "weaker only later": (
+        Fault(START_NS, EPOCHS[6], LowPower(satellite=SEEN[0][:3], drop_db=9.0, ramp_s=60.0)),
+        "the ramp has not begun",
+    ),
+    "front elsewhere": (
+        Fault(START_NS, END_NS, IonoFront(slope_mm_per_km=100.0, width_km=50.0, speed_mps=0.0, azimuth_deg=0.0, edge_km=-5000.0)),
+        "is pierced behind its edge then",
+    ),
+    "reflection of a satellite unseen": (
+        Fault(START_NS, END_NS, Multipath(receiver="A", satellites=(SEEN[0][:3], "G31"), amplitude_m=1.0, period_s=60.0)),
+        "G31 is not seen then",
+    ),
     "ramp not begun": (Fault(START_NS, EPOCHS[6], Jamming(receivers=("A",), drop_db=9.0, ramp_s=60.0)), "the ramp has not begun"),
 }
+
+
+def test_a_repeater_of_a_receiver_that_measures_nothing_then_is_refused() -> None:
+    """Of A all rows within the fault are gone."""
+    silent = [e for e in STREAM if not (isinstance(e, ObservationsReceived) and e.row.receiver == "A" and START_NS <= e.mono_ns < END_NS)]
+    repeater = Fault(START_NS, END_NS, Meaconing(from_receiver="A", to_receivers=("B", "C"), delay_m=300.0))
+    with pytest.raises(ConfigError, match="A hears nothing then"):
+        inject(silent, [repeater], SITE)
 
 
 @pytest.mark.parametrize("case", NOTHING)

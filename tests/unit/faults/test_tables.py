@@ -4,9 +4,7 @@ import pytest
 
 from integrity.gnss.gps_time import NS_PER_S
 from recordings.faults import Fault, parse_faults
-from recordings.faults.kinds import (
-    SatelliteStep,
-)
+from recordings.faults.kinds import ConstellationClock, SatelliteStep
 from recordings.toml_file import ConfigProblems
 from tests.unit.faults.made import FIRST_NS, SITE
 
@@ -32,6 +30,31 @@ def test_start_is_utc() -> None:
 def test_start_s_counts_from_the_first_epoch() -> None:
     (fault,) = parsed(fault_table(STEP + "start_s = 90\nduration_s = 0.5"))
     assert (fault.start_ns, fault.end_ns) == (FIRST_NS + 90 * NS_PER_S, FIRST_NS + 90_500_000_000)
+
+
+TABLES = {
+    "satellite_acceleration": 'satellite = "C45"\nrate_mps2 = 0.01',
+    "code_carrier_divergence": 'satellite = "J03"\nrate_mps = 0.0125',
+    "low_power": 'satellite = "R24"\ndrop_db = 3',
+    "constellation_clock": 'system = "BeiDou"\nsize_m = 20',
+    "constellation_frame": 'system = "R"\noffset_ecef_m = [20, 0.5, -3]',
+    "iono_front": "slope_mm_per_km = 300\nwidth_km = 50\nspeed_mps = 200\nazimuth_deg = 225",
+    "receiver_noise": 'receiver = "B"\nfactor = 5',
+    "receiver_clock_jump": 'receiver = "B"\nsize_m = 299792.458',
+    "multipath": 'receiver = "B"\nsatellites = ["S29", "E11"]\namplitude_m = 2.5\nperiod_s = 120',
+    "meaconing": 'from_receiver = "A"\nto_receivers = ["B", "C"]\ndelay_m = 300',
+}
+
+
+@pytest.mark.parametrize("kind", TABLES)
+def test_tables_of_a_kind_are_read(kind: str) -> None:
+    (found,) = parsed(fault_table(f'kind = "{kind}"\n{TABLES[kind]}\n{WHEN}'))
+    assert found.kind == kind
+
+
+def test_a_system_may_be_given_by_letter_or_name() -> None:
+    by_name, by_letter = (ConstellationClock.model_validate({"system": system, "size_m": 1.0}) for system in ("Galileo", "E"))
+    assert by_name == by_letter
 
 
 def test_a_moved_antenna_needs_no_duration() -> None:
@@ -88,6 +111,56 @@ BAD = {
         f'kind = "wrong_ephemeris"\nsatellite = "G05"\noffset_m = 100\ndirection = "up"\n{WHEN}',
         'faults.toml:5: fault.0.direction = "up"',
         '"radial"',
+    ),
+    "satellite of no system": (
+        f'kind = "low_power"\nsatellite = "R33"\ndrop_db = 3\n{WHEN}',
+        'faults.toml:3: fault.0.satellite = "R33": expected a satellite',
+        "G32 E36 C63 R32 J10 S58",
+    ),
+    "no such system": (
+        f'kind = "constellation_clock"\nsystem = "NavIC"\nsize_m = 3\n{WHEN}',
+        'faults.toml:3: fault.0.system = "NavIC": expected one of GPS',
+        "QZSS",
+    ),
+    "noise of nothing": (
+        f'kind = "receiver_noise"\nreceiver = "A"\nfactor = 1\n{WHEN}',
+        "faults.toml:4: fault.0.factor = 1: expected a factor, above 1",
+        "1000",
+    ),
+    "front too thick": (
+        f'kind = "iono_front"\nslope_mm_per_km = 500\nwidth_km = 800\nspeed_mps = 100\nazimuth_deg = 0\n{WHEN}',
+        "faults.toml:1: fault.0: the front delays by 400 m, expected at most 200",
+        "make width_km 400 or less",
+    ),
+    "frame not displaced": (
+        f'kind = "constellation_frame"\nsystem = "GPS"\noffset_ecef_m = [0, 0, 0]\n{WHEN}',
+        "faults.toml:4: fault.0.offset_ecef_m",
+        "not all 0",
+    ),
+    "frame on another planet": (
+        f'kind = "constellation_frame"\nsystem = "GPS"\noffset_ecef_m = [0, 0, 200000]\n{WHEN}',
+        "faults.toml:4: fault.0.offset_ecef_m",
+        "at most 100000",
+    ),
+    "a receiver repeats itself": (
+        f'kind = "meaconing"\nfrom_receiver = "A"\nto_receivers = ["B", "A"]\ndelay_m = 3\n{WHEN}',
+        "faults.toml:1: fault.0: A hears itself",
+        "only others",
+    ),
+    "repeated by nobody": (
+        f'kind = "meaconing"\nfrom_receiver = "D"\nto_receivers = ["B"]\ndelay_m = 3\n{WHEN}',
+        'faults.toml:3: fault.0.from_receiver = "D": the site has no receiver "D"',
+        "A or B or C",
+    ),
+    "heard twice": (
+        f'kind = "meaconing"\nfrom_receiver = "A"\nto_receivers = ["B", "B"]\ndelay_m = 3\n{WHEN}',
+        "faults.toml:4: fault.0.to_receivers",
+        "a receiver stands twice",
+    ),
+    "reflected twice": (
+        f'kind = "multipath"\nreceiver = "A"\nsatellites = ["G05", "G05"]\namplitude_m = 3\nperiod_s = 60\n{WHEN}',
+        "faults.toml:1: fault.0: a satellite stands twice",
+        "once",
     ),
     "spoofer in space": (
         f'kind = "spoofing"\nreceivers = ["A"]\nposition_ecef_m = [1, 2, 3]\n{WHEN}',
