@@ -41,14 +41,17 @@ class AlignmentLimits(Protocol):
 
 @dataclass(frozen=True)
 class AlignedEpoch:
-    """Rows in the order of the receivers, complete at `mono_ns`; `arrived` ephemerides, ionosphere and hearsay known by then."""
+    """Rows in the order of the receivers, complete at `mono_ns`; `arrived` ephemerides, ionosphere and hearsay known by then, when each
+    receiver was heard last (R,), and the last tick."""
 
     epoch_ns: int
     mono_ns: int
     rows: tuple[ObservationRow, ...]
     arrived: int
     klobuchar: Klobuchar | None
-    statuses: Statuses = ()
+    statuses: Statuses
+    heard_mono_ns: tuple[int, ...]
+    tick: Tick | None
 
 
 @dataclass(frozen=True)
@@ -76,6 +79,7 @@ class AssemblerState:
     refused_ephemerides: int = 0
     last_rows: tuple[ObservationRow, ...] = ()
     statuses: Statuses = ()
+    tick: Tick | None = None
 
 
 class Assembler:
@@ -95,6 +99,7 @@ class Assembler:
         self._refused_ephemerides = state.refused_ephemerides
         self._last_rows: Mapping[str, ObservationRow] = {row.receiver: row for row in state.last_rows}
         self._statuses = state.statuses
+        self._last_tick = state.tick
 
     def state(self) -> AssemblerState:
         """For a snapshot."""
@@ -109,6 +114,7 @@ class Assembler:
             refused_ephemerides=self._refused_ephemerides,
             last_rows=tuple(self._last_rows.values()),
             statuses=self._statuses,
+            tick=self._last_tick,
         )
 
     @property
@@ -181,8 +187,9 @@ class Assembler:
             gap = [self._interruption(mono_ns, (), UNALIGNED)]  # no tick came to notice it
         self.last_epoch_ns, self._aligned_ns, self._silence_told, self._last_rows = epoch_ns, mono_ns, False, complete
         rows_in_order = tuple(complete[r] for r in self._receivers)
-        arrived = len(self._store)
-        return [*gap, AlignedEpoch(epoch_ns, mono_ns, rows_in_order, arrived, self._klobuchar, self._statuses)]
+        heard_ns = tuple(self._heard_ns[r] for r in self._receivers)
+        known = (len(self._store), self._klobuchar, self._statuses, heard_ns, self._last_tick)
+        return [*gap, AlignedEpoch(epoch_ns, mono_ns, rows_in_order, *known)]
 
     def _give_up(self, epoch_ns: int) -> None:
         self.dropped.update(self._pending.pop(epoch_ns).keys())
@@ -198,6 +205,7 @@ class Assembler:
 
     def _tick(self, tick: Tick) -> list[AlignedEpoch | Interruption]:
         self._start_listening(tick.mono_ns)
+        self._last_tick = tick
         silent = tuple(r for r in self._receivers if tick.mono_ns - self._heard_ns[r] > self._limits.silence_ns)
         unaligned = self._aligned_ns is not None and tick.mono_ns - self._aligned_ns > self._limits.silence_ns
         if not (silent or unaligned):

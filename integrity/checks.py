@@ -1,4 +1,4 @@
-"""Positions, every statistic, every check of a block: step 4 of the main path, memoryless."""
+"""Positions, every statistic, every check of a block: step 4 of the main path."""
 
 from dataclasses import dataclass
 from functools import cached_property
@@ -7,15 +7,17 @@ from typing import NamedTuple
 import numpy as np
 
 from integrity.config import IntegrityConfig, SiteConfig
-from integrity.exclusion import SatelliteStatistics
 from integrity.gnss.least_squares import Design, Solution, design, solution
-from integrity.gnss.observations import Bools
+from integrity.gnss.observations import Bools, Floats
 from integrity.gnss.positioning import Points, relinearised
 from integrity.gnss.signals import TIME_SCALES
 from integrity.limits import Limits
 from integrity.monitors.residuals import ClockDesign, clock_design
+from integrity.monitors.single_differences import PairDesign, PairStatistics, capture, pair_design, pair_statistics
 from integrity.monitors.streams import missing_satellites, second_worst
 from integrity.monitors.triangles import NamingStatistics, TriangleStatistics, Variances, naming_statistics, triangle_statistics, variances
+from integrity.receiver_watch import Heard, ReceiverMemory, ReceiverStatistics, watch_receivers
+from integrity.satellites import SatelliteStatistics, Watched
 from integrity.sight import Sight, Sky
 from integrity.stream_memory import StreamStatistics
 from integrity.triangle import ReferenceTriangle
@@ -23,14 +25,15 @@ from integrity.verdict import Checks, judge
 
 
 class Geometry(NamedTuple):
-    """What the satellites `used` (E, S) of a sky promise before anything is measured: how clocks and positions follow from ranges, and
-    the variances of those positions."""
+    """What the satellites `used` (E, S) of a sky promise before anything is measured: how clocks and positions follow from ranges, the
+    variances of those positions, and what pairs of receivers would measure of one transmitter."""
 
     sky: Sky
     used: Bools
     clocks: ClockDesign
     position: Design
     var: Variances
+    pairs: PairDesign
 
     def is_of(self, sky: Sky, used: Bools) -> bool:
         """Whether it is the geometry of these satellites in this very sky."""
@@ -41,12 +44,24 @@ def geometry_of(sky: Sky, used: Bools, promises: IntegrityConfig, triangle: Refe
     """The geometry of satellites, all of which every receiver measures."""
     position = design(sky.expected.los_enu, sky.sigma_m[:, None, :], used[:, None, :], sky.system_of, len(TIME_SCALES))
     clocks = clock_design(sky.sigma_m, used, sky.system_of, len(TIME_SCALES))
-    return Geometry(sky, used, clocks, position, variances(position.cov_enu_m2, promises, triangle))
+    pairs = pair_design(sky.expected.range_m, sky.sigma_differential_m, used, sky.system_of, len(TIME_SCALES))
+    return Geometry(sky, used, clocks, position, variances(position.cov_enu_m2, promises, triangle), pairs)
+
+
+class Surroundings(NamedTuple):
+    """What else is known of a block, whichever satellites are used: what its streams show, what came with it, what is `watched` of its
+    satellites, and the memory of its receivers from before it."""
+
+    streams: StreamStatistics
+    heard: Heard
+    watched: tuple[Watched, ...]
+    receivers: ReceiverMemory
 
 
 @dataclass(frozen=True, eq=False)
 class BlockChecks:
-    """What was computed on the satellites `used` (E, S): solution, statistics, checks, and what the satellites show."""
+    """What was computed on the satellites `used` (E, S): solution, statistics, checks, what satellites, pairs of receivers and receivers
+    show; `memory` of the receivers after the block."""
 
     used: Bools
     solution: Solution
@@ -55,6 +70,9 @@ class BlockChecks:
     triangle: TriangleStatistics
     checks: Checks
     satellites: SatelliteStatistics
+    pairs: PairStatistics
+    receivers: ReceiverStatistics
+    memory: ReceiverMemory
 
     @cached_property
     def naming(self) -> NamingStatistics:
@@ -66,30 +84,51 @@ def check(
     sight: Sight,
     geometry: Geometry,
     shown: SatelliteStatistics,
-    streams: StreamStatistics,
+    around: Surroundings,
     points: Points,
     triangle: ReferenceTriangle,
     site: SiteConfig,
     limits: Limits,
 ) -> BlockChecks:
     """All checks of a block on the satellites of `geometry`, which make the satellites show `shown`."""
-    sky, position = sight.sky, geometry.position
+    sky, position, streams = sight.sky, geometry.position, around.streams
     found = relinearised(solution(position, sight.at_points.residual_m), position, sight.block, sky.states, points, sky.klobuchar)
     as_designed = found.cov_enu_m2 is position.cov_enu_m2
     var = geometry.var if as_designed else variances(found.cov_enu_m2, site.integrity, triangle)
     of_triangle = triangle_statistics(found.e_enu_m, var, triangle)
-    statistics = {f"circle_{name}": of_triangle.circle_m[:, r] for r, name in enumerate(site.receiver_names)} | {
-        "data": missing_satellites(geometry.used, limits.min_common_satellites),
-        "repeat": streams.repeating.sum(axis=1).astype(np.float64),
-        "common": of_triangle.common,
-        "common_3d": of_triangle.common_3d,
-        "shape": of_triangle.shape,
-        "shape_3d": of_triangle.shape_3d,
-        "collapse": of_triangle.collapse,
-        "residual": shown.worst_residual,
-        "b_value": shown.worst_b,
-        "cn0": second_worst(streams.cn0_drop_db),
-        "loss": second_worst(streams.lost_share),
-    }
+    pairs = pair_statistics(geometry.pairs, sight.at_points.residual_m)
+    e_enu_m, clock_m = found.e_enu_m, shown.known.clock_m
+    memory, receivers = watch_receivers(
+        around.receivers, sight.block.epoch_ns, around.heard, e_enu_m, var.differential, clock_m, geometry.clocks, limits
+    )
+    of_satellites = {of.check: largest_known(np.where(geometry.used, of.statistic, np.nan)) for of in around.watched}
+    of_circles = {f"circle_{name}": of_triangle.circle_m[:, r] for r, name in enumerate(site.receiver_names)}
+    statistics = (
+        of_satellites
+        | of_circles
+        | {
+            "data": missing_satellites(geometry.used, limits.min_common_satellites),
+            "repeat": streams.repeating.sum(axis=1).astype(np.float64),
+            "common": of_triangle.common,
+            "common_3d": of_triangle.common_3d,
+            "shape": of_triangle.shape,
+            "shape_3d": of_triangle.shape_3d,
+            "collapse": of_triangle.collapse,
+            "residual": shown.worst_residual,
+            "b_value": shown.worst_b,
+            "constellation": largest_known(shown.constellations.displacement),
+            "capture": largest_known(capture(pairs, limits["capture"], limits.least_separation)),
+            "slow": largest_known(receivers.slow.own),
+            "cn0": second_worst(streams.cn0_drop_db),
+            "loss": second_worst(streams.lost_share),
+            "host_time": receivers.host_s,
+        }
+    )
     checks = judge(statistics, limits)
-    return BlockChecks(geometry.used, found, var, triangle, of_triangle, checks, shown)
+    return BlockChecks(geometry.used, found, var, triangle, of_triangle, checks, shown, pairs, receivers, memory)
+
+
+def largest_known(statistic: Floats) -> Floats:
+    """The largest of those that say anything, over the last axis; NaN where none does."""
+    result: Floats = np.fmax.reduce(statistic, axis=-1, initial=np.nan)
+    return result

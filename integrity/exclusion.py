@@ -2,13 +2,20 @@
 
 Theory of operation. A satellite is IN (not in the table) or OUT (one `Exclusion`). Per epoch and satellite, one row of this table:
 
-    IN,  residual passes                      stays IN
-    IN,  residual fails on all receivers,     goes OUT, if its B-values pass, enough satellites remain, and what remains passes;
-         the largest of all                   otherwise nothing is excluded in this epoch and the residual check fails
+    IN,  residual passes, and all that is     stays IN
+         watched of it
+    IN,  something watched of it fails        goes OUT, if enough satellites remain and few go at once
+    IN,  residual fails on all receivers,     goes OUT, if its B-values pass, enough satellites remain, and what remains passes, and if it
+         the largest of all                   is not one of several that a displacement of their constellation explains; otherwise nothing
+                                              is excluded in this epoch and the residual check fails
     OUT, not seen                             stays OUT, nothing is learnt
-    OUT, residual fails                       stays OUT, the count of clean epochs starts again
-    OUT, residual passes                      stays OUT and is counted clean; comes back IN with the epoch that makes the count
+    OUT, residual or what is watched fails    stays OUT, the count of clean epochs starts again
+    OUT, all pass                             stays OUT and is counted clean; comes back IN with the epoch that makes the count
                                               `recover_epochs` over at least `recover_after_ns`
+    IN,  its constellation alone puts the     the whole constellation goes OUT, if no other one fails, enough satellites remain, and what
+         triangle elsewhere                   remains passes. It counts as clean when the constellation passes, all its satellites together
+
+What is watched (`satellites.Watched`) are monitors with memory of one satellite each: its ephemeris, its carrier.
 
 A channel is one satellite at one receiver. One whose B-value fails while the satellite's residual passes is that receiver's own
 trouble with that satellite (multipath, mostly). Nobody is blamed: the satellite is left out of the common set of this epoch, without
@@ -22,18 +29,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from integrity.gnss.observations import Bools, Floats, Ints
+from integrity.gnss.observations import Bools, Ints
 from integrity.limits import Limits
-from integrity.monitors.residuals import (
-    ClockDesign,
-    b_values_m,
-    clock_design,
-    normalised_b_values,
-    seen_by_all,
-    without_clocks,
-    without_lone_satellites,
-    worst,
-)
+from integrity.monitors.residuals import without_lone_satellites
+from integrity.satellites import SatelliteInputs, SatelliteStatistics, Watched
 
 
 @dataclass(frozen=True)
@@ -50,54 +49,6 @@ class Exclusion:
 
 
 Table = Mapping[str, Exclusion]
-
-
-class SatelliteInputs(NamedTuple):
-    """Of a block: `prefit_m` (E, R, S), `sigma_m` and `sigma_differential_m` (E, S), `screened` (E, S), constellations of the signals."""
-
-    prefit_m: Floats
-    sigma_m: Floats
-    sigma_differential_m: Floats
-    screened: Bools
-    system_of: Ints
-    n_systems: int
-
-    def epoch(self, e: int) -> "SatelliteInputs":
-        """The same for one epoch, as a block of one."""
-        s = slice(e, e + 1)
-        return self._replace(
-            prefit_m=self.prefit_m[s],
-            sigma_m=self.sigma_m[s],
-            sigma_differential_m=self.sigma_differential_m[s],
-            screened=self.screened[s],
-        )
-
-    def statistics(self, used: Bools) -> "SatelliteStatistics":
-        """What the satellites show, with clocks from those `used` (E, S)."""
-        return self.statistics_by(clock_design(self.sigma_m, used, self.system_of, self.n_systems))
-
-    def statistics_by(self, clocks: ClockDesign) -> "SatelliteStatistics":
-        """The same by a design that is there already."""
-        known = without_clocks(clocks, self.prefit_m)
-        residual_sigmas = seen_by_all(known.normalised)
-        b_m = b_values_m(known.residual_m)
-        b_sigmas = normalised_b_values(b_m, self.sigma_differential_m)
-        worst_residual, worst_b = worst(residual_sigmas, clocks.used), worst(np.maximum.reduce(np.abs(b_sigmas), axis=1), clocks.used)
-        return SatelliteStatistics(known.residual_m, clocks.scale_m, residual_sigmas, b_m, b_sigmas, worst_residual, worst_b)
-
-
-class SatelliteStatistics(NamedTuple):
-    """`residual_m` (E, R, S) and their standard deviation `scale_m` (E, 1, S); `residual_sigmas` (E, S), the normalised residual that all
-    receivers share; B-values `b_m` and, in sigmas, `b_sigmas` (E, R, S); of each the worst among the satellites used, `worst_residual` and
-    `worst_b` (E,)."""
-
-    residual_m: Floats
-    scale_m: Floats
-    residual_sigmas: Floats
-    b_m: Floats
-    b_sigmas: Floats
-    worst_residual: Floats
-    worst_b: Floats
 
 
 @dataclass(frozen=True)
@@ -134,6 +85,9 @@ def walk(
     `on_screened` is what the satellites show when all that were screened are used.
     """
     quiet = (on_screened.worst_residual <= limits["residual"]) & (on_screened.worst_b <= limits["b_value"])
+    for of in inputs.watched:
+        quiet &= ~np.logical_or.reduce(of.exceeds & inputs.screened, axis=-1)
+    quiet &= ~np.logical_or.reduce(on_screened.constellations.displacement > limits["constellation"], axis=-1)
     used = np.array(inputs.screened)
     tables: list[Table] = []
     channels: list[tuple[Channel, ...]] = []
@@ -163,18 +117,88 @@ def _epoch(
 ) -> tuple[Bools, Table, tuple[Channel, ...]]:
     out = np.array([s in table for s in satellites], dtype=np.bool_)
     used = inputs.screened & ~out
+    newly = _found_at_fault(inputs, used, satellites, gps_ns, limits)
+    used = _less(inputs, used, newly, satellites)
     left_out = _failing_channels(inputs, used, receivers, satellites, limits)
-    newly = _failing_satellites(inputs, used & ~np.isin(satellites, [c.satellite for c in left_out]), satellites, gps_ns, limits)
-    used = without_lone_satellites(used & ~np.isin(satellites, list(newly)), inputs.system_of, inputs.n_systems)
-    statistic = inputs.statistics(used).residual_sigmas
+    without_channels_left_out = used & ~np.isin(satellites, [c.satellite for c in left_out])
+    by_range = _failing_satellites(inputs, without_channels_left_out, satellites, gps_ns, limits)
+    newly |= {} if _rather_of_a_constellation(inputs, used, by_range, satellites, limits) else by_range
+    used = _less(inputs, used, newly, satellites)
+    displaced = _displaced_constellation(inputs, used, satellites, gps_ns, limits)
+    newly |= displaced
+    used = _less(inputs, used, displaced, satellites)
+    whole = np.isin(satellites, [x.satellite for x in table.values() if x.check == "constellation"])
+    probed = used | (inputs.screened & whole)  # a constellation that is out keeps its own clock
+    statistic = inputs.statistics(probed).residual_sigmas
+    fails = ~(statistic <= limits["residual"])
+    for of in inputs.watched:
+        fails |= of.exceeds
     after: dict[str, Exclusion] = {}
     for satellite, exclusion in table.items():
         columns = [i for i, s in enumerate(satellites) if s == satellite and inputs.screened[0, i] and np.isfinite(statistic[0, i])]
-        kept = _watched(exclusion, statistic[0, columns[0]] <= limits["residual"], gps_ns, limits) if columns else exclusion
+        clean = bool(columns) and not fails[0, columns[0]]
+        if clean and exclusion.check == "constellation":
+            clean = _constellation_passes(inputs, columns[0], limits)
+        kept = _seen_again(exclusion, clean, gps_ns, limits) if columns else exclusion
         if kept is not None:
             after[satellite] = kept
     after |= newly
     return used[0], after, left_out
+
+
+def _less(inputs: SatelliteInputs, used: Bools, out: Table, satellites: tuple[str, ...]) -> Bools:
+    """The satellites used without those that are out now, and without those that are alone then."""
+    return without_lone_satellites(used & ~np.isin(satellites, list(out)), inputs.system_of, inputs.n_systems)
+
+
+def _found_at_fault(inputs: SatelliteInputs, used: Bools, satellites: tuple[str, ...], gps_ns: int, limits: Limits) -> dict[str, Exclusion]:
+    """Satellites of which something watched fails, each by the check that fails most; nothing where they are too many to be at fault."""
+    worst: dict[str, tuple[float, Watched, int]] = {}
+    for of in inputs.watched:
+        for s in np.flatnonzero(of.exceeds[0] & used[0]).tolist():
+            times = float(of.statistic[0, s]) / of.threshold
+            if satellites[s] not in worst or times > worst[satellites[s]][0]:
+                worst[satellites[s]] = times, of, s
+    if len(worst) > limits.max_exclusions_per_epoch or used.sum() - len(worst) < limits.min_common_satellites:
+        return {}
+    return {
+        satellite: Exclusion(satellite, gps_ns, of.check, float(of.statistic[0, s]), of.threshold)
+        for satellite, (_, of, s) in worst.items()
+    }
+
+
+def _rather_of_a_constellation(inputs: SatelliteInputs, used: Bools, failing: Table, satellites: tuple[str, ...], limits: Limits) -> bool:
+    """Whether several satellites of one constellation fail at once by ranges that one displacement of all its orbits explains: naming them
+    would be wrong then. Two faults of single satellites leave a misfit."""
+    systems = [int(inputs.system_of[satellites.index(satellite)]) for satellite in failing]
+    several = {system for system in systems if systems.count(system) > 1}
+    if not several:
+        return False
+    alone = inputs.constellations(used)
+    return any(alone.misfit[0, k] <= limits.misfit(int(alone.dof[0, k])) for k in several)
+
+
+def _displaced_constellation(
+    inputs: SatelliteInputs, used: Bools, satellites: tuple[str, ...], gps_ns: int, limits: Limits
+) -> dict[str, Exclusion]:
+    """All satellites of the one constellation that puts the triangle elsewhere; nothing unless what remains passes."""
+    where = inputs.constellations(used).displacement[0]
+    failing = np.flatnonzero(where > limits["constellation"])
+    if len(failing) != 1:
+        return {}
+    remaining = used & (inputs.system_of != failing[0])
+    shown = inputs.statistics(remaining)
+    passes = shown.worst_residual[0] <= limits["residual"] and shown.worst_b[0] <= limits["b_value"]
+    if not passes or remaining.sum() < limits.min_common_satellites:
+        return {}
+    statistic = float(where[failing[0]])
+    mine = np.flatnonzero(used[0] & (inputs.system_of == failing[0])).tolist()
+    return {satellites[s]: Exclusion(satellites[s], gps_ns, "constellation", statistic, limits["constellation"]) for s in mine}
+
+
+def _constellation_passes(inputs: SatelliteInputs, column: int, limits: Limits) -> bool:
+    """Whether a satellite's constellation, all of it that was screened, puts the triangle where it stands."""
+    return bool(inputs.constellations(inputs.screened).displacement[0, inputs.system_of[column]] <= limits["constellation"])
 
 
 def _failing_channels(
@@ -197,7 +221,7 @@ def _failing_channels(
     return tuple(channels) if inputs.statistics(used).worst_b[0] <= limits["b_value"] else ()
 
 
-def _watched(exclusion: Exclusion, clean: bool, gps_ns: int, limits: Limits) -> Exclusion | None:
+def _seen_again(exclusion: Exclusion, clean: bool, gps_ns: int, limits: Limits) -> Exclusion | None:
     """The entry of a satellite that is out, after it was seen once more; None when it comes back (from the next epoch on)."""
     if not clean:
         return replace(exclusion, clean_since_ns=None, clean_epochs=0)

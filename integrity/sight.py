@@ -8,7 +8,6 @@ import numpy as np
 
 from integrity.assembler import AlignedEpoch
 from integrity.config import SiteConfig
-from integrity.exclusion import SatelliteInputs
 from integrity.gnss.atmosphere import Klobuchar
 from integrity.gnss.combination import ionosphere_free
 from integrity.gnss.ephemeris.states import Ephemerides, SatelliteStates, accuracy_m, satellite_states, usable
@@ -28,6 +27,8 @@ from integrity.gnss.signals import (
 )
 from integrity.limits import Limits
 from integrity.monitors.residuals import without_lone_satellites
+from integrity.monitors.triangles import promised_m2
+from integrity.satellites import SatelliteInputs
 
 Columns = slice | Ints
 WHOLE: tuple[Columns, ...] = (slice(None),)
@@ -157,13 +158,17 @@ def observe(
     where = (block.signals, block.epoch_ns, tuple(x.arrived for x in epochs), epochs[0].klobuchar, store)
     sky = ahead if ahead is not None and ahead.is_of(*where) else sky_of(*where, points, site, limits)
     at_points = compared(block, sky.expected)
+    common_m2, differential_m2 = promised_m2(promises)
     satellites = SatelliteInputs(
         prefit_m=at_points.residual_m,
+        los_enu=at_points.los_enu,
         sigma_m=sky.sigma_m,
         sigma_differential_m=sky.sigma_differential_m,
         screened=screen(block, at_points, sky.in_view, sky.system_of, limits),
         system_of=sky.system_of,
         n_systems=len(TIME_SCALES),
+        common_m2=common_m2,
+        mean_m2=common_m2 + differential_m2 / len(site.receivers),
     )
     return Sight(layout, heard, block, sky, at_points, satellites)
 

@@ -13,16 +13,18 @@ The way of a block of epochs:
 """
 
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import NamedTuple
 
 import numpy as np
 
+from integrity import audit
 from integrity.assembler import AlignedEpoch, Assembler, AssemblerState, Interruption
-from integrity.checks import BlockChecks, Geometry, check, geometry_of
+from integrity.audit import audited_checks
+from integrity.checks import BlockChecks, Geometry, Surroundings, check, geometry_of
 from integrity.config import SiteConfig
 from integrity.events import Event
-from integrity.exclusion import Exclusion, SatelliteStatistics, Table, Walk, walk, without_channels
+from integrity.exclusion import Exclusion, Table, Walk, walk, without_channels
 from integrity.gnss.ephemeris.broadcast import Ephemeris
 from integrity.gnss.ephemeris.store import EphemerisStore
 from integrity.gnss.observations import Bools, Layout
@@ -30,10 +32,16 @@ from integrity.gnss.positioning import points_at
 from integrity.health import Health, after_epoch, after_silence
 from integrity.hearsay import remarks
 from integrity.limits import derive
+from integrity.monitor_memory import MonitorMemory
+from integrity.monitors import clocks, signal
+from integrity.monitors.single_differences import PairStatistics, captured, captured_receivers
 from integrity.monitors.triangles import suspects, swapped_receivers
 from integrity.naming import LastClean, named_receiver
 from integrity.outputs import Alert, EpochReport, HealthReport, Output
+from integrity.receiver_watch import ReceiverMemory, heard_with
 from integrity.reception import Reception, ReceptionMemory
+from integrity.satellite_watch import SatelliteMemory, watch_satellites
+from integrity.satellites import SatelliteStatistics
 from integrity.sight import Sight, Sky, observe, sky_of
 from integrity.states import Cause, State
 from integrity.stream_memory import StreamMemory, StreamStatistics, advance
@@ -56,6 +64,7 @@ class Snapshot:
     last_clean: LastClean | None = None
     health: Health = field(default_factory=Health)
     sequence: int = 0
+    monitors: MonitorMemory | None = None  # None: from before the first epoch
 
 
 @dataclass(frozen=True, eq=False)
@@ -67,6 +76,7 @@ class _Decided:
 
     sight: Sight
     memory: StreamMemory
+    satellites: SatelliteMemory
     streams: StreamStatistics
     walked: Walk
     full: BlockChecks
@@ -100,6 +110,7 @@ class StationMonitor:
         self.triangle = reference_triangle(site)
         self.limits = derive(site, self.triangle)
         self._points = points_at(self.triangle.pos_ecef_m)
+        self._middle_ecef_m = self.triangle.pos_ecef_m.mean(axis=0)
         self._store = EphemerisStore(start.ephemerides)
         self._reception = Reception(site.receiver_names, start.reception, site.protocols)
         self._assembler = Assembler(site.receiver_names, site.epoch_interval_ns, self.limits, start.assembler, self._store)
@@ -108,6 +119,11 @@ class StationMonitor:
         self._health = start.health
         self._sequence = start.sequence
         self._streams = start.streams
+        self._audited = audited_checks(site, self.limits)
+        monitors = start.monitors or MonitorMemory.empty(len(site.receivers))
+        self._satellites = SatelliteMemory({of.satellite: of for of in monitors.navigation})
+        self._receivers = ReceiverMemory(monitors.clocks, monitors.slow, monitors.gains)
+        self._audit = monitors.audit
         self._last: _Last | None = None
         self._ahead: _Ahead | None = None
 
@@ -158,11 +174,13 @@ class StationMonitor:
             last_clean=self._last_clean,
             health=self._health,
             sequence=self._sequence,
+            monitors=MonitorMemory(tuple(self._satellites.navigation.values()), *self._receivers, self._audit),
         )
 
     def _block(self, epochs: Sequence[AlignedEpoch]) -> list[Output]:
         decided = self._decided(epochs)
         self._streams, self._exclusions, self._last = decided.memory, decided.walked.table, _last_of(decided)
+        self._satellites, self._receivers = decided.satellites, decided.full.memory
         return [output for e, epoch in enumerate(epochs) for output in self._epoch(decided, e, epoch)]
 
     def _decided(self, epochs: Sequence[AlignedEpoch]) -> _Decided:
@@ -171,13 +189,17 @@ class StationMonitor:
         layout, sky = self._last and self._last.layout, self._ahead and self._ahead.sky
         sight = observe(epochs, self._store, self._points, self.site, self.limits, remembered, layout, sky)
         memory, streams = advance(self._streams, sight.heard, sight.heard_high, sight.bands, self.limits)
+        satellites, watched = watch_satellites(self._satellites, sight, self._middle_ecef_m, self.limits)
+        sight = replace(sight, satellites=sight.satellites._replace(watched=watched))
+        heard = heard_with(epochs, sight.block.epoch_ns, self.site.receiver_names, self.site.host_clock)
+        around = Surroundings(streams, heard, watched, self._receivers)
         screened = sight.satellites.screened
         of_screened = self._geometry(sight.sky, screened)
         on_screened = sight.satellites.statistics_by(of_screened.clocks)
         walked = self._walk(sight, on_screened)
 
         def checked_by(geometry: Geometry, shown: SatelliteStatistics) -> BlockChecks:
-            return check(sight, geometry, shown, streams, self._points, self.triangle, self.site, self.limits)
+            return check(sight, geometry, shown, around, self._points, self.triangle, self.site, self.limits)
 
         def checked(used: Bools) -> BlockChecks:
             geometry = self._geometry(sight.sky, used)
@@ -190,7 +212,7 @@ class StationMonitor:
         clean, clean_alone = clean_epochs(full.checks, "full"), clean_epochs(alone.checks, "triangle")
         nobody = np.zeros(full.solution.why.shape, dtype=np.bool_)
         suspected = nobody if clean.all() else suspects(full.triangle.circle_m, full.naming, self.limits)
-        return _Decided(sight, memory, streams, walked, full, alone, clean, clean_alone, suspected)
+        return _Decided(sight, memory, satellites, streams, walked, full, alone, clean, clean_alone, suspected)
 
     def _geometry(self, sky: Sky, used: Bools) -> Geometry:
         """The one that was computed ahead, if it is of these satellites."""
@@ -237,10 +259,23 @@ class StationMonitor:
         )
         left_out = tuple(f"{c.satellite} left out: {c.receiver} differs, B {c.statistic:.3g} > {c.threshold:.3g}" for c in report.channels)
         lacking = decided.sight.lacking(e, self.limits.min_common_satellites)
-        reasons = verdict.reasons + left_out + lacking + remarks(epoch.statuses, self.triangle)
+        n_used = int(np.count_nonzero(full.used[e]))
+        self._audit = audit.advance(self._audit, epoch.epoch_ns, report.statistic, bool(decided.clean[e]), n_used, self._audited)
+        reasons = (*verdict.reasons, *left_out, *lacking, *remarks(epoch.statuses, self.triangle), *self._remarks(decided, e))
         vouched = vouched_for(decided.sight, full, e, self.limits)
         health = self._health_report(epoch.epoch_ns, epoch.mono_ns, reasons, report.not_monitored, vouched, report.excluded)
         return [report, health, *self._alerts(before, epoch.epoch_ns, epoch.mono_ns, reasons)]
+
+    def _remarks(self, decided: _Decided, e: int) -> tuple[str, ...]:
+        """What moves no position and stops nothing, in words: clocks, signals of single receivers, a promise that does not hold."""
+        names, limits, receivers = self.site.receiver_names, self.limits, decided.full.receivers
+        streams = decided.streams
+        unusual = signal.Unusual(limits["cn0"], limits["loss"], limits.gain_drop)
+        return (
+            *clocks.remarks(receivers.clocks, e, names, limits.clock_sigmas),
+            *signal.remarks(names, streams.cn0_drop_db[e], streams.lost_share[e], receivers.gain_drop[e], unusual),
+            *audit.accusations(self._audit, self._audited),
+        )
 
     def _verdict(self, decided: _Decided, e: int, exclusions: tuple[Exclusion, ...]) -> Verdict:
         full, limits = decided.full, self.limits
@@ -265,11 +300,24 @@ class StationMonitor:
                 limits,
             ),
             collapsed=bool(full.naming.collapse_fit[e] <= limits.collapse_fit),
+            captured=self._captured(full, e),
             exclusions=exclusions,
             enough_without_exclusion=bool(decided.alone.solution.n_used[e].min() >= limits.min_common_satellites),
             swapped=swapped_receivers(e_enu_m, self.triangle, limits),
         )
         return full_verdict(full.checks, e, evidence, self.site.integrity.on_satellite_fault)
+
+    def _captured(self, full: BlockChecks, e: int) -> Bools:
+        """Receivers (R,) of the pairs that hear one transmitter: those of them that are off, since one at its own point may be what the
+        other is drawn to; all where none is."""
+        collapse, misfit, separation, dof = full.pairs
+        one = slice(e, e + 1)
+        of_epoch = PairStatistics(collapse[one], misfit[one], separation[one], dof[one])
+        limits = self.limits
+        pairs = captured(of_epoch, limits["capture"], limits.least_separation, limits.missed_detection)
+        receivers: Bools = captured_receivers(pairs, len(self.site.receivers))[0]
+        off = receivers & ~(full.triangle.circle_m[e] <= limits.radius_m)
+        return off if off.any() else receivers
 
     def _interruption(self, interrupted: Interruption) -> list[Output]:
         reasons = (interrupted.why, *remarks(interrupted.statuses, self.triangle))

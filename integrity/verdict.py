@@ -14,6 +14,7 @@ import numpy as np
 from integrity.config import Rule, SatelliteFaultPolicy
 from integrity.exclusion import Exclusion
 from integrity.gnss.observations import Bools, Floats, Ints
+from integrity.gnss.signals import SYSTEM_NAMES
 from integrity.limits import Limits
 from integrity.states import STATE_OF_CAUSE, Cause, Outcome, State
 
@@ -52,8 +53,9 @@ class Evidence(NamedTuple):
 
     receivers: tuple[str, ...]
     repeating: Bools  # (R,)
-    named: Bools  # (R,) the receiver that the naming rule names, if any
+    named: Bools  # (R,) the receiver that the naming rules name, if any
     collapsed: bool  # the solved points are one point
+    captured: Bools  # (R,) receivers of pairs that hear one transmitter, by their ranges
     exclusions: tuple[Exclusion, ...]
     enough_without_exclusion: bool  # the common set would be large enough with the excluded satellites
     swapped: str  # a permutation of the surveyed points that fits what was solved, in words
@@ -109,7 +111,7 @@ def full_verdict(checks: Checks, e: int, evidence: Evidence, policy: SatelliteFa
         return CLEAN
     cause, subjects, leading = cause_of(outcome, bad, evidence)
     verdict = _verdict(checks, e, cause, subjects, leading, (evidence.swapped,) if evidence.swapped else ())
-    if cause is not Cause.SATELLITE:
+    if cause not in (Cause.SATELLITE, Cause.CONSTELLATION):
         return verdict
     first = evidence.exclusions[0]
     return replace(verdict, check=first.check, statistic=first.statistic, threshold=first.threshold)
@@ -134,12 +136,19 @@ def cause_of(outcome: Mapping[str, Outcome], bad: set[str], evidence: Evidence) 
         return Cause.DATA, (), unknown
     if outcome["collapse"] == Outcome.FAIL and evidence.collapsed:
         return Cause.SPOOFING, evidence.receivers, ("collapse",)
+    if outcome["capture"] == Outcome.FAIL and evidence.captured.any():
+        return Cause.SPOOFING, _chosen(evidence.receivers, evidence.captured), ("capture",)
     if shape_holds and Outcome.FAIL in (outcome["common"], outcome["common_3d"]):
         return Cause.SPOOFING, (), ("common", "common_3d")
-    if evidence.exclusions and bad <= set(circles):
-        return Cause.SATELLITE, _satellites(evidence.exclusions), ("residual",)  # without it all fits, or the sky left is too weak
+    if evidence.exclusions and bad <= set(circles):  # without it all fits, or the sky left is too weak
+        systems = {x.satellite[0] for x in evidence.exclusions if x.check == "constellation"}
+        if systems:
+            return Cause.CONSTELLATION, tuple(name for letter, name in SYSTEM_NAMES.items() if letter in systems), ("constellation",)
+        return Cause.SATELLITE, _satellites(evidence.exclusions), ("residual",)
     if evidence.named.any():
-        return Cause.RECEIVER, _chosen(evidence.receivers, evidence.named), ("shape", "shape_3d", *circles, "b_value")
+        return Cause.RECEIVER, _chosen(evidence.receivers, evidence.named), ("shape", "shape_3d", *circles, "b_value", "slow")
+    if outcome["host_time"] == Outcome.FAIL:
+        return Cause.CLOCK, (), ("host_time",)
     return Cause.AMBIGUOUS, (), ("shape", "shape_3d", "common", "common_3d", *circles, "b_value", "residual", "collapse")
 
 

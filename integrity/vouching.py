@@ -43,7 +43,7 @@ def vouched_for(sight: Sight, found: BlockChecks, e: int, limits: Limits) -> tup
         sky.ephemerides,
         sky.index[e],
         undetected_m,
-        shown.residual_m[e],
+        shown.known.residual_m[e],
         shown.b_m[e],
         sky.sigma_differential_m[e],
     )

@@ -7,7 +7,8 @@ from typing import Any
 
 from integrity.config import SiteConfig
 from integrity.errors import ConfigError
-from integrity.limits import Limits, Threshold, derive
+from integrity.limits import Limits, derive
+from integrity.thresholds import Threshold
 from integrity.triangle import ReferenceTriangle, reference_triangle
 from recordings.site_file import SiteFile, examine_site, load_site, missing_sources
 from recordings.toml_file import ConfigProblems, Problem, TomlDocument, by_line, read_toml

@@ -84,6 +84,32 @@ class AntennaFix(_message.Message):
     why: str
     def __init__(self, antenna: _Optional[str] = ..., place: _Optional[_Union[TrackPlace, _Mapping]] = ..., sigma_m: _Optional[float] = ..., tpdop: _Optional[float] = ..., satellites: _Optional[int] = ..., residual: _Optional[float] = ..., residual_threshold: _Optional[float] = ..., why: _Optional[str] = ...) -> None: ...
 
+class AuditLedger(_message.Message):
+    __slots__ = ["exceeded", "log_wealth", "look_ns", "looks", "most", "since_ns", "value"]
+    EXCEEDED_FIELD_NUMBER: _ClassVar[int]
+    LOG_WEALTH_FIELD_NUMBER: _ClassVar[int]
+    LOOKS_FIELD_NUMBER: _ClassVar[int]
+    LOOK_NS_FIELD_NUMBER: _ClassVar[int]
+    MOST_FIELD_NUMBER: _ClassVar[int]
+    SINCE_NS_FIELD_NUMBER: _ClassVar[int]
+    VALUE_FIELD_NUMBER: _ClassVar[int]
+    exceeded: int
+    log_wealth: _containers.RepeatedScalarFieldContainer[float]
+    look_ns: int
+    looks: int
+    most: float
+    since_ns: int
+    value: float
+    def __init__(self, since_ns: _Optional[int] = ..., look_ns: _Optional[int] = ..., value: _Optional[float] = ..., looks: _Optional[int] = ..., exceeded: _Optional[int] = ..., log_wealth: _Optional[_Iterable[float]] = ..., most: _Optional[float] = ...) -> None: ...
+
+class AuditMemory(_message.Message):
+    __slots__ = ["due_ns", "ledgers"]
+    DUE_NS_FIELD_NUMBER: _ClassVar[int]
+    LEDGERS_FIELD_NUMBER: _ClassVar[int]
+    due_ns: int
+    ledgers: _containers.RepeatedCompositeFieldContainer[AuditLedger]
+    def __init__(self, ledgers: _Optional[_Iterable[_Union[AuditLedger, _Mapping]]] = ..., due_ns: _Optional[int] = ...) -> None: ...
+
 class ChallengeAnswered(_message.Message):
     __slots__ = ["data", "error", "mono_ns", "nonce", "site"]
     DATA_FIELD_NUMBER: _ClassVar[int]
@@ -143,6 +169,16 @@ class Check(_message.Message):
     statistic: float
     threshold: float
     def __init__(self, name: _Optional[str] = ..., statistic: _Optional[float] = ..., threshold: _Optional[float] = ..., outcome: _Optional[_Union[Outcome, str]] = ...) -> None: ...
+
+class ClockMemory(_message.Message):
+    __slots__ = ["clock_m", "epoch_ns", "sigma_m"]
+    CLOCK_M_FIELD_NUMBER: _ClassVar[int]
+    EPOCH_NS_FIELD_NUMBER: _ClassVar[int]
+    SIGMA_M_FIELD_NUMBER: _ClassVar[int]
+    clock_m: _containers.RepeatedScalarFieldContainer[float]
+    epoch_ns: _containers.RepeatedScalarFieldContainer[int]
+    sigma_m: _containers.RepeatedScalarFieldContainer[float]
+    def __init__(self, epoch_ns: _Optional[_Iterable[int]] = ..., clock_m: _Optional[_Iterable[float]] = ..., sigma_m: _Optional[_Iterable[float]] = ...) -> None: ...
 
 class ClockTie(_message.Message):
     __slots__ = ["boot_id", "issued_mono_ns", "received_mono_ns", "sent_mono_ns"]
@@ -281,6 +317,14 @@ class Exclusion(_message.Message):
     statistic: float
     threshold: float
     def __init__(self, satellite: _Optional[str] = ..., since_ns: _Optional[int] = ..., check: _Optional[str] = ..., statistic: _Optional[float] = ..., threshold: _Optional[float] = ..., clean_since_ns: _Optional[int] = ..., clean_epochs: _Optional[int] = ...) -> None: ...
+
+class GainMemory(_message.Message):
+    __slots__ = ["epoch_ns", "usual"]
+    EPOCH_NS_FIELD_NUMBER: _ClassVar[int]
+    USUAL_FIELD_NUMBER: _ClassVar[int]
+    epoch_ns: int
+    usual: _containers.RepeatedScalarFieldContainer[float]
+    def __init__(self, epoch_ns: _Optional[int] = ..., usual: _Optional[_Iterable[float]] = ...) -> None: ...
 
 class GeoOrbit(_message.Message):
     __slots__ = ["af0", "af1", "ax_mps2", "ay_mps2", "az_mps2", "vx_mps", "vy_mps", "vz_mps", "x_m", "y_m", "z_m"]
@@ -431,6 +475,20 @@ class LastHealth(_message.Message):
     sequence: int
     told: int
     def __init__(self, boot_id: _Optional[bytes] = ..., sequence: _Optional[int] = ..., data: _Optional[bytes] = ..., gps_time_ns: _Optional[int] = ..., told: _Optional[int] = ...) -> None: ...
+
+class MonitorMemory(_message.Message):
+    __slots__ = ["audit", "clocks", "gains", "navigation", "slow"]
+    AUDIT_FIELD_NUMBER: _ClassVar[int]
+    CLOCKS_FIELD_NUMBER: _ClassVar[int]
+    GAINS_FIELD_NUMBER: _ClassVar[int]
+    NAVIGATION_FIELD_NUMBER: _ClassVar[int]
+    SLOW_FIELD_NUMBER: _ClassVar[int]
+    audit: AuditMemory
+    clocks: ClockMemory
+    gains: GainMemory
+    navigation: _containers.RepeatedCompositeFieldContainer[ServedSet]
+    slow: SlowMemory
+    def __init__(self, navigation: _Optional[_Iterable[_Union[ServedSet, _Mapping]]] = ..., clocks: _Optional[_Union[ClockMemory, _Mapping]] = ..., slow: _Optional[_Union[SlowMemory, _Mapping]] = ..., gains: _Optional[_Union[GainMemory, _Mapping]] = ..., audit: _Optional[_Union[AuditMemory, _Mapping]] = ...) -> None: ...
 
 class MonitoredSignal(_message.Message):
     __slots__ = ["b_m", "correction_m", "correction_sigma_m", "ephemeris_crc32", "issue", "signal", "undetected_range_m"]
@@ -616,6 +674,26 @@ class SentNonce(_message.Message):
     nonce: bytes
     def __init__(self, nonce: _Optional[bytes] = ..., mono_ns: _Optional[int] = ...) -> None: ...
 
+class ServedSet(_message.Message):
+    __slots__ = ["apart_m", "change", "orbit", "range_m", "reference", "reissued_m", "satellite", "serving"]
+    APART_M_FIELD_NUMBER: _ClassVar[int]
+    CHANGE_FIELD_NUMBER: _ClassVar[int]
+    ORBIT_FIELD_NUMBER: _ClassVar[int]
+    RANGE_M_FIELD_NUMBER: _ClassVar[int]
+    REFERENCE_FIELD_NUMBER: _ClassVar[int]
+    REISSUED_M_FIELD_NUMBER: _ClassVar[int]
+    SATELLITE_FIELD_NUMBER: _ClassVar[int]
+    SERVING_FIELD_NUMBER: _ClassVar[int]
+    apart_m: float
+    change: float
+    orbit: float
+    range_m: float
+    reference: Ephemeris
+    reissued_m: float
+    satellite: str
+    serving: Ephemeris
+    def __init__(self, satellite: _Optional[str] = ..., serving: _Optional[_Union[Ephemeris, _Mapping]] = ..., reference: _Optional[_Union[Ephemeris, _Mapping]] = ..., change: _Optional[float] = ..., range_m: _Optional[float] = ..., apart_m: _Optional[float] = ..., reissued_m: _Optional[float] = ..., orbit: _Optional[float] = ...) -> None: ...
+
 class SignedChallengeReply(_message.Message):
     __slots__ = ["key_id", "reply", "signature"]
     KEY_ID_FIELD_NUMBER: _ClassVar[int]
@@ -658,8 +736,18 @@ class SiteInfo(_message.Message):
     triangle: _containers.RepeatedCompositeFieldContainer[SurveyedPoint]
     def __init__(self, site: _Optional[str] = ..., frame: _Optional[str] = ..., frame_epoch: _Optional[float] = ..., triangle: _Optional[_Iterable[_Union[SurveyedPoint, _Mapping]]] = ..., radius_m: _Optional[float] = ..., key_id: _Optional[bytes] = ..., software: _Optional[str] = ..., config_sha256: _Optional[str] = ..., boot_id: _Optional[bytes] = ...) -> None: ...
 
+class SlowMemory(_message.Message):
+    __slots__ = ["cusum", "epoch_ns", "u"]
+    CUSUM_FIELD_NUMBER: _ClassVar[int]
+    EPOCH_NS_FIELD_NUMBER: _ClassVar[int]
+    U_FIELD_NUMBER: _ClassVar[int]
+    cusum: _containers.RepeatedScalarFieldContainer[float]
+    epoch_ns: int
+    u: _containers.RepeatedScalarFieldContainer[float]
+    def __init__(self, epoch_ns: _Optional[int] = ..., u: _Optional[_Iterable[float]] = ..., cusum: _Optional[_Iterable[float]] = ...) -> None: ...
+
 class Snapshot(_message.Message):
-    __slots__ = ["aligned_ns", "cause", "clean_epochs", "clean_since_ns", "dropped", "ephemerides", "exclusions", "heard_ns", "ionosphere", "last_clean", "last_epoch_ns", "last_rows", "mono_ns", "pending", "receiver", "reception", "refused_ephemerides", "sequence", "signal", "silence_told", "started", "state", "status", "streams", "streams_epoch_ns", "subjects"]
+    __slots__ = ["aligned_ns", "cause", "clean_epochs", "clean_since_ns", "dropped", "ephemerides", "exclusions", "heard_ns", "ionosphere", "last_clean", "last_epoch_ns", "last_rows", "monitors", "mono_ns", "pending", "receiver", "reception", "refused_ephemerides", "sequence", "signal", "silence_told", "started", "state", "status", "streams", "streams_epoch_ns", "subjects", "tick"]
     class DroppedEntry(_message.Message):
         __slots__ = ["key", "value"]
         KEY_FIELD_NUMBER: _ClassVar[int]
@@ -693,6 +781,7 @@ class Snapshot(_message.Message):
     LAST_CLEAN_FIELD_NUMBER: _ClassVar[int]
     LAST_EPOCH_NS_FIELD_NUMBER: _ClassVar[int]
     LAST_ROWS_FIELD_NUMBER: _ClassVar[int]
+    MONITORS_FIELD_NUMBER: _ClassVar[int]
     MONO_NS_FIELD_NUMBER: _ClassVar[int]
     PENDING_FIELD_NUMBER: _ClassVar[int]
     RECEIVER_FIELD_NUMBER: _ClassVar[int]
@@ -707,6 +796,7 @@ class Snapshot(_message.Message):
     STREAMS_EPOCH_NS_FIELD_NUMBER: _ClassVar[int]
     STREAMS_FIELD_NUMBER: _ClassVar[int]
     SUBJECTS_FIELD_NUMBER: _ClassVar[int]
+    TICK_FIELD_NUMBER: _ClassVar[int]
     aligned_ns: int
     cause: Cause
     clean_epochs: int
@@ -719,6 +809,7 @@ class Snapshot(_message.Message):
     last_clean: LastClean
     last_epoch_ns: int
     last_rows: _containers.RepeatedCompositeFieldContainer[Observations]
+    monitors: MonitorMemory
     mono_ns: int
     pending: _containers.RepeatedCompositeFieldContainer[PendingEpoch]
     receiver: _containers.RepeatedScalarFieldContainer[str]
@@ -733,7 +824,8 @@ class Snapshot(_message.Message):
     streams: _containers.RepeatedCompositeFieldContainer[StreamMemory]
     streams_epoch_ns: int
     subjects: _containers.RepeatedScalarFieldContainer[str]
-    def __init__(self, mono_ns: _Optional[int] = ..., receiver: _Optional[_Iterable[str]] = ..., signal: _Optional[_Iterable[str]] = ..., streams_epoch_ns: _Optional[int] = ..., streams: _Optional[_Iterable[_Union[StreamMemory, _Mapping]]] = ..., pending: _Optional[_Iterable[_Union[PendingEpoch, _Mapping]]] = ..., last_epoch_ns: _Optional[int] = ..., heard_ns: _Optional[_Mapping[str, int]] = ..., aligned_ns: _Optional[int] = ..., dropped: _Optional[_Mapping[str, int]] = ..., refused_ephemerides: _Optional[int] = ..., ionosphere: _Optional[_Union[Ionosphere, _Mapping]] = ..., ephemerides: _Optional[_Iterable[_Union[Ephemeris, _Mapping]]] = ..., exclusions: _Optional[_Iterable[_Union[Exclusion, _Mapping]]] = ..., state: _Optional[_Union[State, str]] = ..., cause: _Optional[_Union[Cause, str]] = ..., subjects: _Optional[_Iterable[str]] = ..., clean_since_ns: _Optional[int] = ..., clean_epochs: _Optional[int] = ..., sequence: _Optional[int] = ..., last_clean: _Optional[_Union[LastClean, _Mapping]] = ..., silence_told: bool = ..., reception: _Optional[_Iterable[_Union[ReceptionMemory, _Mapping]]] = ..., status: _Optional[_Mapping[str, ReceiverStatus]] = ..., last_rows: _Optional[_Iterable[_Union[Observations, _Mapping]]] = ..., started: bool = ...) -> None: ...
+    tick: Tick
+    def __init__(self, mono_ns: _Optional[int] = ..., receiver: _Optional[_Iterable[str]] = ..., signal: _Optional[_Iterable[str]] = ..., streams_epoch_ns: _Optional[int] = ..., streams: _Optional[_Iterable[_Union[StreamMemory, _Mapping]]] = ..., pending: _Optional[_Iterable[_Union[PendingEpoch, _Mapping]]] = ..., last_epoch_ns: _Optional[int] = ..., heard_ns: _Optional[_Mapping[str, int]] = ..., aligned_ns: _Optional[int] = ..., dropped: _Optional[_Mapping[str, int]] = ..., refused_ephemerides: _Optional[int] = ..., ionosphere: _Optional[_Union[Ionosphere, _Mapping]] = ..., ephemerides: _Optional[_Iterable[_Union[Ephemeris, _Mapping]]] = ..., exclusions: _Optional[_Iterable[_Union[Exclusion, _Mapping]]] = ..., state: _Optional[_Union[State, str]] = ..., cause: _Optional[_Union[Cause, str]] = ..., subjects: _Optional[_Iterable[str]] = ..., clean_since_ns: _Optional[int] = ..., clean_epochs: _Optional[int] = ..., sequence: _Optional[int] = ..., last_clean: _Optional[_Union[LastClean, _Mapping]] = ..., silence_told: bool = ..., reception: _Optional[_Iterable[_Union[ReceptionMemory, _Mapping]]] = ..., status: _Optional[_Mapping[str, ReceiverStatus]] = ..., last_rows: _Optional[_Iterable[_Union[Observations, _Mapping]]] = ..., started: bool = ..., monitors: _Optional[_Union[MonitorMemory, _Mapping]] = ..., tick: _Optional[_Union[Tick, _Mapping]] = ...) -> None: ...
 
 class Started(_message.Message):
     __slots__ = ["boot_id", "config_sha256", "gps_time_ns", "mono_ns", "site", "site_toml", "software"]

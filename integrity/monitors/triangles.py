@@ -48,10 +48,16 @@ class Variances(NamedTuple):
     separation: Floats
 
 
-def variances(cov_enu_m2: Floats, promises: IntegrityConfig, triangle: ReferenceTriangle) -> Variances:
-    """The site's variances, grown where the covariance of the solutions (E, R, 3, 3), mean over receivers, exceeds the common one."""
+def promised_m2(promises: IntegrityConfig) -> tuple[Floats, Floats]:
+    """Diagonals (3,) of Sigma_c and Sigma_d as the site states them, m2: east, north, up."""
     common = np.array([promises.sigma_common_m, promises.sigma_common_m, promises.sigma_common_up_m]) ** 2
     differential = np.array([promises.sigma_differential_m, promises.sigma_differential_m, promises.sigma_differential_up_m]) ** 2
+    return common, differential
+
+
+def variances(cov_enu_m2: Floats, promises: IntegrityConfig, triangle: ReferenceTriangle) -> Variances:
+    """The site's variances, grown where the covariance of the solutions (E, R, 3, 3), mean over receivers, exceeds the common one."""
+    common, differential = promised_m2(promises)
     promised = np.diagonal(cov_enu_m2, axis1=-2, axis2=-1).mean(axis=1)
     growth = np.maximum(promised / common, 1.0)
     return variances_of(common * growth, differential * growth, triangle)

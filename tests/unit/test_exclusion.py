@@ -5,9 +5,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from integrity.exclusion import Exclusion, SatelliteInputs, Table, Walk, walk, without_channels
+from integrity.exclusion import Exclusion, Table, Walk, walk, without_channels
 from integrity.gnss.gps_time import NS_PER_S
 from integrity.gnss.observations import Bools, Floats
+from integrity.satellites import SatelliteInputs, Watched
 from tests.unit.streams import LIMITS as SITE_LIMITS
 
 LIMITS = replace(SITE_LIMITS, recover_epochs=3, recover_after_ns=4 * NS_PER_S)
@@ -34,11 +35,28 @@ def with_fault(
     return faulty
 
 
+def made(prefit_m: Floats, screened: Bools, watched: tuple[Watched, ...] = ()) -> SatelliteInputs:
+    """Without directions: constellations put the triangle nowhere."""
+    shape = (len(prefit_m), N)
+    return SatelliteInputs(
+        prefit_m,
+        np.zeros((3, *prefit_m.shape)),
+        np.full(shape, SIGMA_M),
+        np.full(shape, SIGMA_DIFFERENTIAL_M),
+        screened,
+        SYSTEM_OF,
+        2,
+        np.ones(3),
+        np.ones(3),
+        watched,
+    )
+
+
 def decided(prefit_m: Floats, table: Table | None = None, screened: Bools | None = None, start_s: int = 0) -> Walk:
     """The walk through epochs a second apart."""
     shape = (len(prefit_m), N)
     sees = np.ones(shape, dtype=np.bool_) if screened is None else np.broadcast_to(screened, shape)
-    inputs = SatelliteInputs(prefit_m, np.full(shape, SIGMA_M), np.full(shape, SIGMA_DIFFERENTIAL_M), sees, SYSTEM_OF, 2)
+    inputs = made(prefit_m, sees)
     epoch_ns = NS_PER_S * (start_s + np.arange(len(prefit_m)))
     return walk(table or {}, inputs, inputs.statistics(sees), RECEIVERS, SATELLITES, epoch_ns, LIMITS)
 
@@ -91,10 +109,7 @@ def test_a_step_that_lifts_an_innocent_satellite_over_its_limit_excludes_only_th
 
 
 def inputs_of(prefit_m: Floats) -> SatelliteInputs:
-    shape = (len(prefit_m), N)
-    return SatelliteInputs(
-        prefit_m, np.full(shape, SIGMA_M), np.full(shape, SIGMA_DIFFERENTIAL_M), np.ones(shape, dtype=np.bool_), SYSTEM_OF, 2
-    )
+    return made(prefit_m, np.ones((len(prefit_m), N), dtype=np.bool_))
 
 
 @pytest.mark.parametrize("satellites", [("G01", "G06"), ("G02", "E02"), ("G01", "G04", "E03")])

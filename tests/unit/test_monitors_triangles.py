@@ -9,7 +9,6 @@ from hypothesis import strategies as st
 from scipy.stats import chi2
 
 from integrity.gnss.observations import Bools, Floats
-from integrity.limits import collapse_separation
 from integrity.monitors.triangles import (
     NamingStatistics,
     TriangleStatistics,
@@ -22,6 +21,7 @@ from integrity.monitors.triangles import (
     variances,
     variances_of,
 )
+from integrity.thresholds import collapse_separation
 from tests.unit.streams import SITE, TRIANGLE, limits_of
 
 # The example of the notes: 1.0 m common and 0.5 m differential per horizontal axis, twice that in height.

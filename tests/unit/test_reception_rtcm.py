@@ -210,8 +210,3 @@ def test_a_memory_that_no_one_can_have_is_refused(rtcm: pb.RtcmMemory) -> None:
 def test_a_stated_position_of_two_numbers_is_refused() -> None:
     with pytest.raises(DecodeError, match="expected three finite numbers"):
         decode_status(pb.ReceiverStatus(stated_ecef_m=[1.0, 2.0]))
-
-
-def test_faults_are_not_put_into_bytes_that_are_no_ubx() -> None:
-    with pytest.raises(ConfigError, match="receiver A sends RTCM 3: faults can be put into UBX"):
-        receive(as_sent(), RTCM_SITE, None)

@@ -71,9 +71,10 @@ def evidence(
     exclusions: tuple[Exclusion, ...] = (),
     enough_without_exclusion: bool = False,
     swapped: str = "",
+    captured: Iterable[str] = (),
 ) -> Evidence:
-    repeats, names = (np.isin(RECEIVERS, list(chosen)) for chosen in (repeating, named))
-    return Evidence(RECEIVERS, repeats, names, collapsed, exclusions, enough_without_exclusion, swapped)
+    repeats, names, hears = (np.isin(RECEIVERS, list(chosen)) for chosen in (repeating, named, captured))
+    return Evidence(RECEIVERS, repeats, names, collapsed, hears, exclusions, enough_without_exclusion, swapped)
 
 
 def checks(**outcomes: Outcome) -> Checks:
@@ -284,3 +285,27 @@ def test_clean_epochs_are_those_without_a_verdict(name: str, outcome: Outcome) -
 def test_clean_epochs_of_the_triangle_are_those_without_a_verdict_of_it(name: str, outcome: Outcome) -> None:
     found = checks(**{name: outcome})
     assert clean_epochs(found, "triangle").tolist() == [triangle_verdict(found, 0) == CLEAN]
+
+
+def test_a_captured_pair_is_spoofing_of_these_two() -> None:
+    said = verdict(evidence(captured=("A", "C")), capture=FAIL, shape=FAIL)
+    assert (said.cause, said.subjects) == (Cause.SPOOFING, ("A", "C"))
+
+
+def test_a_pair_that_does_not_fit_one_transmitter_is_not_called_spoofed() -> None:
+    assert verdict(capture=FAIL).cause is Cause.AMBIGUOUS
+
+
+def test_time_that_leaves_the_host_is_a_matter_of_clocks() -> None:
+    assert verdict(host_time=FAIL).cause is Cause.CLOCK
+
+
+def test_a_constellation_that_is_out_is_named_by_its_system() -> None:
+    out = tuple(Exclusion(satellite, 0, "constellation", 99.0, 40.0) for satellite in ("E01", "E02"))
+    said = verdict(evidence(exclusions=out))
+    assert (said.cause, said.subjects, said.check) == (Cause.CONSTELLATION, ("Galileo",), "constellation")
+
+
+@pytest.mark.parametrize("check", ["ephemeris", "orbit", "constellation", "slow"])
+def test_what_cannot_be_excluded_is_ambiguous(check: str) -> None:
+    assert verdict(**{check: FAIL}).cause is Cause.AMBIGUOUS

@@ -1,0 +1,63 @@
+"""What monitors with memory watch of receivers, once their positions and clocks are there: part of step 4 of the main path."""
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from integrity.assembler import AlignedEpoch
+from integrity.config import HostClock
+from integrity.gnss.observations import Floats, Ints
+from integrity.limits import Limits
+from integrity.monitors import clocks, signal, slow
+from integrity.monitors.residuals import ClockDesign
+
+
+class ReceiverMemory(NamedTuple):
+    """What is remembered of receivers: their clocks, how far they stand off, their gains."""
+
+    clocks: clocks.ClockMemory
+    slow: slow.SlowMemory
+    gains: signal.GainMemory
+
+    @staticmethod
+    def empty(n_receivers: int) -> "ReceiverMemory":
+        """Before the first epoch."""
+        return ReceiverMemory(
+            clocks.ClockMemory.empty(n_receivers), slow.SlowMemory.empty(n_receivers), signal.GainMemory.empty(n_receivers)
+        )
+
+
+class Heard(NamedTuple):
+    """What came with the epochs of a block beside measurements: gains (E, R), and by how much GNSS time and the host's differ, s (E,)."""
+
+    gain: Floats
+    host_s: Floats
+
+
+class ReceiverStatistics(NamedTuple):
+    """Of a block: clocks, slow shifts, drop of gains (E, R), host time in s (E,)."""
+
+    clocks: clocks.ClockStatistics
+    slow: slow.SlowStatistics
+    gain_drop: Floats
+    host_s: Floats
+
+
+def heard_with(epochs: Sequence[AlignedEpoch], epoch_ns: Ints, receivers: Sequence[str], host_clock: HostClock) -> Heard:
+    """What came with aligned epochs."""
+    arrived_ns = np.array([epoch.heard_mono_ns for epoch in epochs], dtype=np.int64)
+    host_s = clocks.host_disagreement_s(epoch_ns, arrived_ns, [epoch.tick for epoch in epochs], host_clock)
+    return Heard(signal.gains([epoch.statuses for epoch in epochs], receivers), host_s)
+
+
+def watch_receivers(
+    memory: ReceiverMemory, epoch_ns: Ints, heard: Heard, e_enu_m: Floats, var_d: Floats, clock_m: Floats, of: ClockDesign, limits: Limits
+) -> tuple[ReceiverMemory, ReceiverStatistics]:
+    """The memory after a block, and what its receivers show: displacements (E, R, 3) with the variance (E, 3) of each receiver's own, and
+    clocks (E, R, K) by their design."""
+    sigma_m = 1.0 / np.sqrt(of.weight[..., 0].T)
+    of_clocks, clock = clocks.advance(memory.clocks, epoch_ns, clock_m, sigma_m)
+    of_slow, stood_off = slow.advance(memory.slow, epoch_ns, e_enu_m, var_d, limits.slow)
+    of_gains, gain_drop = signal.advance(memory.gains, epoch_ns, heard.gain)
+    return ReceiverMemory(of_clocks, of_slow, of_gains), ReceiverStatistics(clock, stood_off, gain_drop, heard.host_s)
