@@ -1,5 +1,6 @@
 """Positions, every statistic, every check of a block: step 4 of the main path."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import NamedTuple
@@ -12,6 +13,7 @@ from integrity.gnss.observations import Bools, Floats
 from integrity.gnss.positioning import Points, relinearised
 from integrity.gnss.signals import TIME_SCALES
 from integrity.limits import Limits
+from integrity.monitors.constellations import ConstellationDesign, constellation_design
 from integrity.monitors.residuals import ClockDesign, clock_design
 from integrity.monitors.single_differences import PairDesign, PairStatistics, capture, pair_design, pair_statistics
 from integrity.monitors.streams import missing_satellites, second_worst
@@ -26,13 +28,14 @@ from integrity.verdict import Checks, judge
 
 class Geometry(NamedTuple):
     """What the satellites `used` (E, S) of a sky promise before anything is measured: how clocks and positions follow from ranges, the
-    variances of those positions, and what pairs of receivers would measure of one transmitter."""
+    variances of those positions, each constellation by itself, and what pairs of receivers would measure of one transmitter."""
 
     sky: Sky
     used: Bools
     clocks: ClockDesign
     position: Design
     var: Variances
+    of_each: ConstellationDesign
     pairs: PairDesign
 
     def is_of(self, sky: Sky, used: Bools) -> bool:
@@ -45,7 +48,8 @@ def geometry_of(sky: Sky, used: Bools, promises: IntegrityConfig, triangle: Refe
     position = design(sky.expected.los_enu, sky.sigma_m[:, None, :], used[:, None, :], sky.system_of, len(TIME_SCALES))
     clocks = clock_design(sky.sigma_m, used, sky.system_of, len(TIME_SCALES))
     pairs = pair_design(sky.expected.range_m, sky.sigma_differential_m, used, sky.system_of, len(TIME_SCALES))
-    return Geometry(sky, used, clocks, position, variances(position.cov_enu_m2, promises, triangle), pairs)
+    of_each = constellation_design(sky.expected.los_enu, sky.sigma_m, used, sky.system_of, len(TIME_SCALES))
+    return Geometry(sky, used, clocks, position, variances(position.cov_enu_m2, promises, triangle), of_each, pairs)
 
 
 class Surroundings(NamedTuple):
@@ -97,35 +101,36 @@ def check(
     var = geometry.var if as_designed else variances(found.cov_enu_m2, site.integrity, triangle)
     of_triangle = triangle_statistics(found.e_enu_m, var, triangle)
     pairs = pair_statistics(geometry.pairs, sight.at_points.residual_m)
-    e_enu_m, clock_m = found.e_enu_m, shown.known.clock_m
+    statistics = _of_satellites(geometry, shown, around.watched) | {
+        "data": missing_satellites(geometry.used, limits.min_common_satellites),
+        "repeat": streams.repeating.sum(axis=1).astype(np.float64),
+        **{f"circle_{name}": of_triangle.circle_m[:, r] for r, name in enumerate(site.receiver_names)},
+        "common": of_triangle.common,
+        "common_3d": of_triangle.common_3d,
+        "shape": of_triangle.shape,
+        "shape_3d": of_triangle.shape_3d,
+        "collapse": of_triangle.collapse,
+        "capture": largest_known(capture(pairs, limits["capture"], limits.least_separation)),
+        "cn0": second_worst(streams.cn0_drop_db),
+        "loss": second_worst(streams.lost_share),
+        "host_time": around.heard.host_s,
+    }
+    quiet = np.logical_and.reduce([~(statistic > limits[name]) for name, statistic in statistics.items()])
     memory, receivers = watch_receivers(
-        around.receivers, sight.block.epoch_ns, around.heard, e_enu_m, var.differential, clock_m, geometry.clocks, limits
+        around.receivers, sight.block.epoch_ns, around.heard, quiet, found.e_enu_m, var, shown.known.clock_m, geometry.clocks, limits
     )
-    of_satellites = {of.check: largest_known(np.where(geometry.used, of.statistic, np.nan)) for of in around.watched}
-    of_circles = {f"circle_{name}": of_triangle.circle_m[:, r] for r, name in enumerate(site.receiver_names)}
-    statistics = (
-        of_satellites
-        | of_circles
-        | {
-            "data": missing_satellites(geometry.used, limits.min_common_satellites),
-            "repeat": streams.repeating.sum(axis=1).astype(np.float64),
-            "common": of_triangle.common,
-            "common_3d": of_triangle.common_3d,
-            "shape": of_triangle.shape,
-            "shape_3d": of_triangle.shape_3d,
-            "collapse": of_triangle.collapse,
-            "residual": shown.worst_residual,
-            "b_value": shown.worst_b,
-            "constellation": largest_known(shown.constellations.displacement),
-            "capture": largest_known(capture(pairs, limits["capture"], limits.least_separation)),
-            "slow": largest_known(receivers.slow.own),
-            "cn0": second_worst(streams.cn0_drop_db),
-            "loss": second_worst(streams.lost_share),
-            "host_time": receivers.host_s,
-        }
-    )
+    statistics["slow"] = largest_known(receivers.slow.own)
     checks = judge(statistics, limits)
     return BlockChecks(geometry.used, found, var, triangle, of_triangle, checks, shown, pairs, receivers, memory)
+
+
+def _of_satellites(geometry: Geometry, shown: SatelliteStatistics, watched: Sequence[Watched]) -> dict[str, Floats]:
+    """Statistics (E,) of the satellites used, and of their constellations."""
+    return {of.check: largest_known(np.where(geometry.used, of.statistic, np.nan)) for of in watched} | {
+        "residual": shown.worst_residual,
+        "b_value": shown.worst_b,
+        "constellation": largest_known(shown.displacements),
+    }
 
 
 def largest_known(statistic: Floats) -> Floats:

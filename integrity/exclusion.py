@@ -31,6 +31,7 @@ import numpy as np
 
 from integrity.gnss.observations import Bools, Ints
 from integrity.limits import Limits
+from integrity.monitors.constellations import misfits
 from integrity.monitors.residuals import without_lone_satellites
 from integrity.satellites import SatelliteInputs, SatelliteStatistics, Watched
 
@@ -87,7 +88,7 @@ def walk(
     quiet = (on_screened.worst_residual <= limits["residual"]) & (on_screened.worst_b <= limits["b_value"])
     for of in inputs.watched:
         quiet &= ~np.logical_or.reduce(of.exceeds & inputs.screened, axis=-1)
-    quiet &= ~np.logical_or.reduce(on_screened.constellations.displacement > limits["constellation"], axis=-1)
+    quiet &= ~np.logical_or.reduce(on_screened.displacements > limits["constellation"], axis=-1)
     used = np.array(inputs.screened)
     tables: list[Table] = []
     channels: list[tuple[Channel, ...]] = []
@@ -174,15 +175,15 @@ def _rather_of_a_constellation(inputs: SatelliteInputs, used: Bools, failing: Ta
     several = {system for system in systems if systems.count(system) > 1}
     if not several:
         return False
-    alone = inputs.constellations(used)
-    return any(alone.misfit[0, k] <= limits.misfit(int(alone.dof[0, k])) for k in several)
+    misfit, dof = misfits(inputs.constellations(used), inputs.prefit_m)
+    return any(misfit[0, k] <= limits.misfit(int(dof[0, k])) for k in several)
 
 
 def _displaced_constellation(
     inputs: SatelliteInputs, used: Bools, satellites: tuple[str, ...], gps_ns: int, limits: Limits
 ) -> dict[str, Exclusion]:
     """All satellites of the one constellation that puts the triangle elsewhere; nothing unless what remains passes."""
-    where = inputs.constellations(used).displacement[0]
+    where = inputs.displacements(inputs.constellations(used))[0]
     failing = np.flatnonzero(where > limits["constellation"])
     if len(failing) != 1:
         return {}
@@ -198,7 +199,8 @@ def _displaced_constellation(
 
 def _constellation_passes(inputs: SatelliteInputs, column: int, limits: Limits) -> bool:
     """Whether a satellite's constellation, all of it that was screened, puts the triangle where it stands."""
-    return bool(inputs.constellations(inputs.screened).displacement[0, inputs.system_of[column]] <= limits["constellation"])
+    where = inputs.displacements(inputs.constellations(inputs.screened))
+    return bool(where[0, inputs.system_of[column]] <= limits["constellation"])
 
 
 def _failing_channels(

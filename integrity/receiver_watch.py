@@ -7,10 +7,11 @@ import numpy as np
 
 from integrity.assembler import AlignedEpoch
 from integrity.config import HostClock
-from integrity.gnss.observations import Floats, Ints
+from integrity.gnss.observations import Bools, Floats, Ints
 from integrity.limits import Limits
 from integrity.monitors import clocks, signal, slow
 from integrity.monitors.residuals import ClockDesign
+from integrity.monitors.triangles import Variances
 
 
 class ReceiverMemory(NamedTuple):
@@ -52,12 +53,21 @@ def heard_with(epochs: Sequence[AlignedEpoch], epoch_ns: Ints, receivers: Sequen
 
 
 def watch_receivers(
-    memory: ReceiverMemory, epoch_ns: Ints, heard: Heard, e_enu_m: Floats, var_d: Floats, clock_m: Floats, of: ClockDesign, limits: Limits
+    memory: ReceiverMemory,
+    epoch_ns: Ints,
+    heard: Heard,
+    quiet: Bools,
+    e_enu_m: Floats,
+    var: Variances,
+    clock_m: Floats,
+    of: ClockDesign,
+    limits: Limits,
 ) -> tuple[ReceiverMemory, ReceiverStatistics]:
-    """The memory after a block, and what its receivers show: displacements (E, R, 3) with the variance (E, 3) of each receiver's own, and
-    clocks (E, R, K) by their design."""
+    """The memory after a block, and what its receivers show: displacements (E, R, 3) with their variances, and clocks (E, R, K) by their
+    design. Slow shifts are looked for in `quiet` epochs (E,), in which nothing else fails: what is seen at once is not slow."""
     sigma_m = 1.0 / np.sqrt(of.weight[..., 0].T)
     of_clocks, clock = clocks.advance(memory.clocks, epoch_ns, clock_m, sigma_m)
-    of_slow, stood_off = slow.advance(memory.slow, epoch_ns, e_enu_m, var_d, limits.slow)
+    stands_m = np.where(quiet[:, None, None], e_enu_m, np.nan)
+    of_slow, stood_off = slow.advance(memory.slow, epoch_ns, stands_m, var.differential, limits.slow)
     of_gains, gain_drop = signal.advance(memory.gains, epoch_ns, heard.gain)
     return ReceiverMemory(of_clocks, of_slow, of_gains), ReceiverStatistics(clock, stood_off, gain_drop, heard.host_s)

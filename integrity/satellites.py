@@ -5,7 +5,7 @@ from typing import NamedTuple
 import numpy as np
 
 from integrity.gnss.observations import Bools, Floats, Ints
-from integrity.monitors.constellations import ConstellationStatistics, constellation_statistics
+from integrity.monitors.constellations import ConstellationDesign, constellation_design, displacements
 from integrity.monitors.residuals import (
     ClockDesign,
     KnownPointResiduals,
@@ -62,28 +62,31 @@ class SatelliteInputs(NamedTuple):
 
     def statistics(self, used: Bools) -> "SatelliteStatistics":
         """What the satellites show, with clocks from those `used` (E, S)."""
-        return self.statistics_by(clock_design(self.sigma_m, used, self.system_of, self.n_systems))
+        return self.statistics_by(clock_design(self.sigma_m, used, self.system_of, self.n_systems), self.constellations(used))
 
-    def statistics_by(self, clocks: ClockDesign) -> "SatelliteStatistics":
-        """The same by a design that is there already."""
+    def constellations(self, used: Bools) -> ConstellationDesign:
+        """Each constellation's satellites among those `used` (E, S), by themselves."""
+        return constellation_design(self.los_enu, self.sigma_m, used, self.system_of, self.n_systems)
+
+    def displacements(self, of: ConstellationDesign) -> Floats:
+        """Where constellations put the triangle, in sigmas squared, (E, K)."""
+        return displacements(of, self.prefit_m, self.common_m2, self.mean_m2)
+
+    def statistics_by(self, clocks: ClockDesign, of_each: ConstellationDesign) -> "SatelliteStatistics":
+        """The same by designs that are there already."""
         known = without_clocks(clocks, self.prefit_m)
         residual_sigmas = seen_by_all(known.normalised)
         b_m = b_values_m(known.residual_m)
         b_sigmas = normalised_b_values(b_m, self.sigma_differential_m)
         worst_residual, worst_b = worst(residual_sigmas, clocks.used), worst(np.maximum.reduce(np.abs(b_sigmas), axis=1), clocks.used)
-        where = self.constellations(clocks.used)
+        where = self.displacements(of_each)
         return SatelliteStatistics(known, clocks.scale_m, residual_sigmas, b_m, b_sigmas, worst_residual, worst_b, where)
-
-    def constellations(self, used: Bools) -> ConstellationStatistics:
-        """What each constellation's satellites among those `used` (E, S) say by themselves, (E, K)."""
-        of = (self.sigma_m, used, self.system_of, self.n_systems, self.common_m2, self.mean_m2)
-        return constellation_statistics(self.los_enu, self.prefit_m, *of)
 
 
 class SatelliteStatistics(NamedTuple):
     """Residuals and clocks at the `known` points, and the standard deviation `scale_m` (E, 1, S) of residuals; `residual_sigmas` (E, S),
     the normalised residual that all receivers share; B-values `b_m` and, in sigmas, `b_sigmas` (E, R, S); of each the worst among the
-    satellites used, `worst_residual` and `worst_b` (E,); what constellations say by themselves."""
+    satellites used, `worst_residual` and `worst_b` (E,); `displacements` (E, K) of constellations."""
 
     known: KnownPointResiduals
     scale_m: Floats
@@ -92,4 +95,4 @@ class SatelliteStatistics(NamedTuple):
     b_sigmas: Floats
     worst_residual: Floats
     worst_b: Floats
-    constellations: ConstellationStatistics
+    displacements: Floats

@@ -36,7 +36,7 @@ from integrity.monitor_memory import MonitorMemory
 from integrity.monitors import clocks, signal
 from integrity.monitors.single_differences import PairStatistics, captured, captured_receivers
 from integrity.monitors.triangles import suspects, swapped_receivers
-from integrity.naming import LastClean, named_receiver
+from integrity.naming import LastClean, named_receiver, stands_elsewhere
 from integrity.outputs import Alert, EpochReport, HealthReport, Output
 from integrity.receiver_watch import ReceiverMemory, heard_with
 from integrity.reception import Reception, ReceptionMemory
@@ -195,7 +195,7 @@ class StationMonitor:
         around = Surroundings(streams, heard, watched, self._receivers)
         screened = sight.satellites.screened
         of_screened = self._geometry(sight.sky, screened)
-        on_screened = sight.satellites.statistics_by(of_screened.clocks)
+        on_screened = sight.satellites.statistics_by(of_screened.clocks, of_screened.of_each)
         walked = self._walk(sight, on_screened)
 
         def checked_by(geometry: Geometry, shown: SatelliteStatistics) -> BlockChecks:
@@ -203,7 +203,7 @@ class StationMonitor:
 
         def checked(used: Bools) -> BlockChecks:
             geometry = self._geometry(sight.sky, used)
-            return checked_by(geometry, sight.satellites.statistics_by(geometry.clocks))
+            return checked_by(geometry, sight.satellites.statistics_by(geometry.clocks, geometry.of_each))
 
         alone = checked_by(of_screened, on_screened)
         full = alone if np.array_equal(walked.used, screened) else checked(walked.used)
@@ -288,17 +288,7 @@ class StationMonitor:
         evidence = Evidence(
             receivers=self.site.receiver_names,
             repeating=decided.streams.repeating[e],
-            named=named_receiver(
-                decided.suspected[e],
-                full.naming.log_likelihood_ratio[e],
-                e_enu_m,
-                full.var.common[e],
-                full.var.differential[e],
-                last,
-                gps_ns,
-                self.site.integrity,
-                limits,
-            ),
+            named=self._named(decided, e, last),
             collapsed=bool(full.naming.collapse_fit[e] <= limits.collapse_fit),
             captured=self._captured(full, e),
             exclusions=exclusions,
@@ -306,6 +296,17 @@ class StationMonitor:
             swapped=swapped_receivers(e_enu_m, self.triangle, limits),
         )
         return full_verdict(full.checks, e, evidence, self.site.integrity.on_satellite_fault)
+
+    def _named(self, decided: _Decided, e: int, last: LastClean | None) -> Bools:
+        """The receiver (R,) that may be named, if any."""
+        full, of, limits = decided.full, decided.sight.satellites.epoch(e), self.limits
+        ratio, gps_ns = full.naming.log_likelihood_ratio[e], int(decided.sight.block.epoch_ns[e])
+        variances = (full.var.common[e], full.var.differential[e])
+        named = named_receiver(decided.suspected[e], ratio, full.solution.e_enu_m[e], *variances, last, gps_ns, self.site.integrity, limits)
+        if not named.any():
+            return named
+        used = full.used[e : e + 1]
+        return named & stands_elsewhere(of.los_enu, of.prefit_m, of.sigma_differential_m, used, of.system_of, of.n_systems, limits)
 
     def _captured(self, full: BlockChecks, e: int) -> Bools:
         """Receivers (R,) of the pairs that hear one transmitter: those of them that are off, since one at its own point may be what the

@@ -8,38 +8,52 @@ from typing import NamedTuple
 
 import numpy as np
 
-from integrity.gnss.least_squares import design, postfit_m, solution
+from integrity.gnss.least_squares import Design, design, postfit_m, solution
 from integrity.gnss.observations import Bools, Floats, Ints
 
 
-class ConstellationStatistics(NamedTuple):
-    """Per constellation (E, K): `displacement`, squared, of the triangle by its satellites alone, in sigmas: chi-square, 3 degrees of
-    freedom; `misfit`, what such a displacement does not explain of its ranges: chi-square, `dof` degrees of freedom. NaN where unsolved."""
+class ConstellationDesign(NamedTuple):
+    """Constellations before anything is measured: `towards` (3, E, K, S), mean over receivers, and a solution of each, in the place of a
+    receiver (E, K)."""
 
-    displacement: Floats
-    misfit: Floats
-    dof: Ints
+    towards: Floats
+    position: Design
 
 
-def constellation_statistics(
-    los_enu: Floats, prefit_m: Floats, sigma_m: Floats, used: Bools, system_of: Ints, n_systems: int, common_m2: Floats, mean_m2: Floats
-) -> ConstellationStatistics:
-    """Of each constellation by itself.
+def constellation_design(los_enu: Floats, sigma_m: Floats, used: Bools, system_of: Ints, n_systems: int) -> ConstellationDesign:
+    """For directions (3, E, R, S), sigmas and satellites used (E, S)."""
+    of_each = used[:, None] & (system_of == np.arange(n_systems)[:, None])
+    towards = np.broadcast_to((np.add.reduce(los_enu, axis=2) / los_enu.shape[2])[:, :, None], (3, *of_each.shape))
+    return ConstellationDesign(towards, design(towards, sigma_m[:, None], of_each, system_of, n_systems))
 
-    los_enu (3, E, R, S), prefit_m (E, R, S), sigma_m and used (E, S). The site promises variances of the error that its receivers share,
-    `common_m2` (3,), and of their mean, `mean_m2` (3,): where a constellation's own geometry is poorer, axis by axis, they grow by as much
-    (`triangles.variances`). No displacement where no other constellation is there to tell it from the triangle.
+
+def displacements(of: ConstellationDesign, prefit_m: Floats, common_m2: Floats, mean_m2: Floats) -> Floats:
+    """Per constellation (E, K) the squared displacement of the triangle by its ranges (E, R, S) alone, in sigmas: chi-square, 3 degrees of
+    freedom.
+
+    The site promises variances of the error that its receivers share, `common_m2` (3,), and of their mean, `mean_m2` (3,): where a
+    constellation's own geometry is poorer, axis by axis, they grow by as much (`triangles.variances`). NaN where it gives no position, or
+    no other one is there to tell it from the triangle.
     """
-    of_each = used[:, None] & (system_of == np.arange(n_systems)[:, None])  # (E, K, S): constellations in the place of receivers
-    n = prefit_m.shape[1]
-    towards = np.broadcast_to((np.add.reduce(los_enu, axis=2) / n)[:, :, None], (3, *of_each.shape))
-    measured_m = np.broadcast_to((np.add.reduce(prefit_m, axis=1) / n)[:, None], of_each.shape)
-    of = design(towards, sigma_m[:, None], of_each & np.isfinite(measured_m), system_of, n_systems)
-    found = solution(of, measured_m)
-    left_m = np.where(of.used, postfit_m(measured_m, towards, found, system_of), 0.0)
-    misfit = np.where(found.solved, np.add.reduce(of.w * left_m * left_m, axis=-1), np.nan)
+    found = solution(of.position, _mean_of(prefit_m, of))
     promised = np.diagonal(found.cov_enu_m2, axis1=-2, axis2=-1)
     squares = found.e_enu_m**2 / (mean_m2 * np.maximum(promised / common_m2, 1.0))
-    several = found.solved.sum(axis=1, keepdims=True) > 1
-    displacement = np.where(several, squares[..., 0] + squares[..., 1] + squares[..., 2], np.nan)
-    return ConstellationStatistics(displacement, misfit, np.maximum(found.n_used - 4, 0))
+    several = np.add.reduce(found.solved, axis=1, keepdims=True) > 1
+    statistic: Floats = np.where(several, squares[..., 0] + squares[..., 1] + squares[..., 2], np.nan)
+    return statistic
+
+
+def misfits(of: ConstellationDesign, prefit_m: Floats) -> tuple[Floats, Ints]:
+    """What such a displacement does not explain of a constellation's ranges, (E, K): chi-square, and its degrees of freedom; NaN where
+    unsolved."""
+    measured_m = _mean_of(prefit_m, of)
+    found = solution(of.position, measured_m)
+    left_m = np.where(of.position.used, postfit_m(measured_m, of.towards, found, of.position.system_of), 0.0)
+    misfit = np.where(found.solved, np.add.reduce(of.position.w * left_m * left_m, axis=-1), np.nan)
+    return misfit, np.maximum(found.n_used - 4, 0)
+
+
+def _mean_of(prefit_m: Floats, of: ConstellationDesign) -> Floats:
+    """Mean over receivers (E, K, S), for every constellation."""
+    mean_m = np.add.reduce(prefit_m, axis=1) / prefit_m.shape[1]
+    return np.broadcast_to(mean_m[:, None], of.position.used.shape)

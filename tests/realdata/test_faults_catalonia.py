@@ -28,6 +28,7 @@ from recordings.faults.kinds import (
     Spoofing,
     TwoReceivers,
 )
+from recordings.faults.satellite_kinds import IonoFront
 from recordings.faults.truth import elevations_rad, runs, truth_of
 from recordings.importer import import_files
 from recordings.rinex.navigation import NavigationFile, read_navigation
@@ -297,3 +298,16 @@ def test_a_satellite_that_accelerates_is_excluded_alone_and_named_in_the_end(cas
         reports = decided(case, SatelliteAcceleration(satellite=satellite, rate_mps2=0.001))
         assert {name for report in reports for name in report.excluded} == {satellite}
         assert reports[-1].subjects == (satellite,)
+
+
+# A front in the ionosphere, which reaches one station and not the others
+
+
+@of_cases
+@pytest.mark.parametrize("azimuth_deg", [0.0, 90.0, 200.0])
+def test_a_front_in_the_ionosphere_is_hardly_ever_taken_for_a_receiver(case: Case, azimuth_deg: float) -> None:
+    """At sides of hundreds of kilometres it moves one receiver's position by metres. Four epochs of 24 had named one before its ranges were
+    asked whether they are those of an antenna that stands elsewhere."""
+    front = IonoFront(slope_mm_per_km=425.0, width_km=50.0, speed_mps=750.0, azimuth_deg=azimuth_deg)
+    named = [report.verdict.cause is Cause.RECEIVER for report in decided(case, front)]
+    assert sum(named) <= 1

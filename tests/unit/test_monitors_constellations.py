@@ -6,7 +6,7 @@ from scipy.stats import chi2
 
 from integrity.gnss.least_squares import design
 from integrity.gnss.observations import Bools, Floats
-from integrity.monitors.constellations import constellation_statistics
+from integrity.monitors.constellations import constellation_design, displacements, misfits
 from tests.unit.gnss.skies import MadeSky, made_sky
 
 N_SYSTEMS = 4
@@ -31,8 +31,8 @@ def quiet_sky(satellites: tuple[int, ...] = (9, 7), epochs: int = 1) -> MadeSky:
 def statistics(sky: MadeSky, prefit_m: Floats, used: Bools | None = None, promised_m2: Floats | None = None) -> Floats:
     chosen = sky.used if used is None else sky.used & used
     promised = SMALL_M2 if promised_m2 is None else promised_m2
-    sigma_m, systems = sky.sigma_m[:, 0], sky.system_of
-    return constellation_statistics(sky.los_enu, prefit_m, sigma_m, chosen[:, 0], systems, N_SYSTEMS, promised, promised).displacement
+    of = constellation_design(sky.los_enu, sky.sigma_m[:, 0], chosen[:, 0], sky.system_of, N_SYSTEMS)
+    return displacements(of, prefit_m, promised, promised)
 
 
 def of_system(sky: MadeSky, system: int) -> Bools:
@@ -95,3 +95,26 @@ def test_a_sky_with_larger_sigmas_of_the_site_is_judged_by_these() -> None:
 def test_the_statistic_of_an_exceeding_frame_exceeds_a_false_alarm_threshold() -> None:
     sky = quiet_sky()
     assert statistics(sky, displaced(sky, GALILEO))[0, GALILEO] > chi2.isf(1e-9, 3)
+
+
+def misfit_of(sky: MadeSky, prefit_m: Floats) -> float:
+    of = constellation_design(sky.los_enu, sky.sigma_m[:, 0], sky.used[:, 0], sky.system_of, N_SYSTEMS)
+    return float(misfits(of, prefit_m)[0][0, GALILEO])
+
+
+def test_a_displacement_leaves_no_misfit() -> None:
+    sky = quiet_sky()
+    assert misfit_of(sky, displaced(sky, GALILEO)) == pytest.approx(0.0, abs=1e-9)
+
+
+def test_a_step_of_one_satellite_leaves_a_misfit() -> None:
+    sky = quiet_sky()
+    stepped = np.array(sky.residual_m)
+    stepped[..., -1] += 30.0
+    assert misfit_of(sky, stepped) > chi2.isf(1e-3, 3)
+
+
+def test_ranges_beyond_position_and_clock_are_its_degrees_of_freedom() -> None:
+    sky = quiet_sky((9, 7))
+    of = constellation_design(sky.los_enu, sky.sigma_m[:, 0], sky.used[:, 0], sky.system_of, N_SYSTEMS)
+    assert misfits(of, sky.residual_m)[1][0, :2].tolist() == [5, 3]

@@ -5,8 +5,9 @@ import pytest
 
 from integrity.config import IntegrityConfig
 from integrity.gnss.gps_time import NS_PER_S
-from integrity.gnss.observations import Floats
-from integrity.naming import LastClean, jump_ratio, named_receiver
+from integrity.gnss.observations import Bools, Floats
+from integrity.naming import LastClean, jump_ratio, named_receiver, stands_elsewhere
+from tests.unit.gnss.skies import made_sky
 from tests.unit.streams import LIMITS
 
 PROMISES = IntegrityConfig()
@@ -68,3 +69,44 @@ def test_the_healthy_third_is_not_named_under_noise(seconds: int) -> None:
     now[:, :2, 0] += 6.0
     wrong = sum(ratios(n, b, seconds)[2] > LIMITS.jump_log_likelihood_ratio for n, b in zip(now, before, strict=True))
     assert wrong <= 2
+
+
+SKY = made_sky(11, (6, 5), epochs=1, receivers=1)
+SIGMA_RANGE_M = 0.3
+
+
+def ranges_of(receiver: int, extra_m: Floats) -> Floats:
+    """Prefit residuals (1, 3, S) of three receivers with clocks of their own, small noise, and more at one."""
+    n = len(SKY.system_of)
+    clocks_m = np.array([100.0, -30.0, 7e4])[:, None] + np.array([0.0, 12.0])[SKY.system_of]
+    noise_m = np.random.default_rng(4).normal(0.0, 0.7 * SIGMA_RANGE_M, (3, n))
+    prefit_m = clocks_m + noise_m
+    prefit_m[receiver] += extra_m
+    return prefit_m[None]
+
+
+def elsewhere(prefit_m: Floats, used: Bools | None = None) -> list[bool]:
+    los_enu = np.ascontiguousarray(np.broadcast_to(SKY.los_enu, (3, *prefit_m.shape)))
+    sigma_m = np.full(prefit_m.shape[::2], SIGMA_RANGE_M)
+    chosen = np.ones(sigma_m.shape, dtype=np.bool_) if used is None else used
+    return stands_elsewhere(los_enu, prefit_m, sigma_m, chosen, SKY.system_of, 2, LIMITS).tolist()
+
+
+def along(offset_enu_m: tuple[float, float, float]) -> Floats:
+    return -np.einsum("is,i->s", SKY.los_enu[:, 0, 0], np.array(offset_enu_m))
+
+
+@pytest.mark.parametrize("receiver", range(3))
+def test_ranges_of_an_antenna_that_stands_elsewhere_are_explained_by_that(receiver: int) -> None:
+    assert elsewhere(ranges_of(receiver, along((15.0, -4.0, 9.0))))[receiver]
+
+
+@pytest.mark.parametrize("receiver", range(3))
+def test_delays_of_some_satellites_at_one_receiver_are_not(receiver: int) -> None:
+    delayed = np.where(np.arange(len(SKY.system_of)) % 3 == 0, 8.0, 0.0)
+    assert not elsewhere(ranges_of(receiver, delayed))[receiver]
+
+
+def test_five_satellites_of_two_constellations_contradict_nothing() -> None:
+    used = np.isin(np.arange(len(SKY.system_of)), [0, 1, 2, 6, 7])[None]
+    assert not any(elsewhere(ranges_of(0, along((15.0, 0.0, 0.0))), used))

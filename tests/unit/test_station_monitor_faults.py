@@ -129,7 +129,7 @@ def test_a_drop_of_cn0_at_one_receiver_is_not() -> None:
 
 def test_without_cn0_the_check_is_named_as_not_monitored() -> None:
     outputs = decided(rows_changed(stream(SECONDS), lambda row: with_values(row, "cn0_dbhz", np.nan)))
-    assert (states(outputs), health(outputs)[-1].not_monitored) == (states(SOUND), ("cn0",))
+    assert (states(outputs), "cn0" in health(outputs)[-1].not_monitored) == (states(SOUND), True)
 
 
 def test_too_few_common_satellites_are_no_data() -> None:
