@@ -49,9 +49,14 @@ def decode_event(message: Message) -> Event:
     if isinstance(message, pb.InputLost):
         return InputLost(message.mono_ns, message.receiver, message.chunks)
     if isinstance(message, pb.Tick):
-        uncertainty_ns = message.utc_uncertainty_ns if message.HasField("utc_uncertainty_ns") else None
-        return Tick(message.mono_ns, message.utc_ns, uncertainty_ns)
+        return decode_tick(message)
     raise DecodeError(f"{message.DESCRIPTOR.full_name} is not an input")
+
+
+def decode_tick(message: pb.Tick) -> Tick:
+    """Time that passed."""
+    uncertainty_ns = message.utc_uncertainty_ns if message.HasField("utc_uncertainty_ns") else None
+    return Tick(message.mono_ns, message.utc_ns, uncertainty_ns)
 
 
 def parsed(message_type: type[Message], data: bytes) -> Message:

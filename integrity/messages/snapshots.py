@@ -14,9 +14,11 @@ from integrity.messages.ephemerides import decode_ephemeris, encode_ephemeris
 from integrity.messages.inputs import (
     decode_ionosphere,
     decode_row,
+    decode_tick,
     encode_ionosphere,
     encode_row,
 )
+from integrity.messages.monitors import decode_monitors, encode_monitors, encode_tick
 from integrity.messages.outputs import CAUSES, STATES, encode_exclusion
 from integrity.messages.receptions import decode_reception, decode_status, encode_reception, encode_status
 from integrity.naming import LastClean
@@ -60,6 +62,8 @@ def encode_snapshot(snapshot: Snapshot, receivers: tuple[str, ...], mono_ns: int
         reception=[encode_reception(m) for m in snapshot.reception],
         status={receiver: encode_status(status) for receiver, status in assembler.statuses},
         last_rows=[encode_row(row, 0) for row in assembler.last_rows],
+        monitors=None if snapshot.monitors is None else encode_monitors(snapshot.monitors),
+        tick=encode_tick(assembler.tick),
     )
 
 
@@ -97,6 +101,7 @@ def decode_snapshot(message: pb.Snapshot) -> Snapshot:
         refused_ephemerides=message.refused_ephemerides,
         last_rows=tuple(decode_row(row) for row in message.last_rows),
         statuses=tuple(sorted((receiver, decode_status(status)) for receiver, status in message.status.items())),
+        tick=decode_tick(message.tick) if message.HasField("tick") else None,
     )
     last = message.last_clean
     n = len(message.receiver)
@@ -111,6 +116,7 @@ def decode_snapshot(message: pb.Snapshot) -> Snapshot:
         last_clean=LastClean(last.gps_ns, np.array(last.e_enu_m).reshape(n, 3)) if message.HasField("last_clean") else None,
         health=health,
         sequence=message.sequence,
+        monitors=decode_monitors(message.monitors, n, assembler.last_epoch_ns) if message.HasField("monitors") else None,
     )
 
 

@@ -82,18 +82,20 @@ def ranges_of(receiver: int, extra_m: Floats) -> Floats:
     noise_m = np.random.default_rng(4).normal(0.0, 0.7 * SIGMA_RANGE_M, (3, n))
     prefit_m = clocks_m + noise_m
     prefit_m[receiver] += extra_m
-    return prefit_m[None]
+    result: Floats = prefit_m[None]
+    return result
 
 
 def elsewhere(prefit_m: Floats, used: Bools | None = None) -> list[bool]:
     los_enu = np.ascontiguousarray(np.broadcast_to(SKY.los_enu, (3, *prefit_m.shape)))
     sigma_m = np.full(prefit_m.shape[::2], SIGMA_RANGE_M)
     chosen = np.ones(sigma_m.shape, dtype=np.bool_) if used is None else used
-    return stands_elsewhere(los_enu, prefit_m, sigma_m, chosen, SKY.system_of, 2, LIMITS).tolist()
+    return [bool(found) for found in stands_elsewhere(los_enu, prefit_m, sigma_m, chosen, SKY.system_of, 2, LIMITS)]
 
 
 def along(offset_enu_m: tuple[float, float, float]) -> Floats:
-    return -np.einsum("is,i->s", SKY.los_enu[:, 0, 0], np.array(offset_enu_m))
+    ranges_m: Floats = -np.einsum("is,i->s", SKY.los_enu[:, 0, 0], np.array(offset_enu_m))
+    return ranges_m
 
 
 @pytest.mark.parametrize("receiver", range(3))

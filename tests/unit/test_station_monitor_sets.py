@@ -13,6 +13,8 @@ from integrity.gnss.gps_time import NS_PER_S
 from integrity.gnss.observations import ObservationRow
 from integrity.outputs import Alert, HealthReport
 from integrity.states import Cause, State
+from recordings.faults import Fault, inject
+from recordings.faults.receiver_kinds import ReceiverBias
 from tests.unit.long_streams import (
     FORMS,
     NEW_SETS,
@@ -28,7 +30,7 @@ from tests.unit.long_streams import (
     without,
 )
 from tests.unit.monitored import decided, published
-from tests.unit.streams import alerts, health, moved, reports, rows_changed, with_more
+from tests.unit.streams import SITE, alerts, health, reports, rows_changed, with_more
 
 of_every_form = pytest.mark.parametrize("form", FORMS)
 
@@ -117,7 +119,8 @@ def test_ranges_of_an_unhealthy_satellite_may_be_anything() -> None:
 
 
 def test_a_fault_of_a_receiver_is_named_in_the_very_epoch_of_new_sets() -> None:
-    events = rows_changed(new_sets(), lambda row: moved(row, 40.0, 1.0) if row.receiver == "B" and row.receive_time_ns >= NEW_SETS else row)
+    bias = ReceiverBias(receiver="B", offset_enu_m=(30.0, 26.0, 0.0))
+    events = inject(new_sets(), [Fault(NEW_SETS, NEW_SETS + 5 * NS_PER_S, bias)], SITE)
     first = next(a for a in alerts(decided(events)) if a.before is State.NORMAL)
     assert (first.gps_time_ns, first.cause, first.subjects) == (NEW_SETS, Cause.RECEIVER, ("B",))
 
