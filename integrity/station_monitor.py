@@ -263,7 +263,8 @@ class StationMonitor:
         self._audit = audit.advance(self._audit, epoch.epoch_ns, report.statistic, bool(decided.clean[e]), n_used, self._audited)
         reasons = (*verdict.reasons, *left_out, *lacking, *remarks(epoch.statuses, self.triangle), *self._remarks(decided, e))
         vouched = vouched_for(decided.sight, full, e, self.limits)
-        health = self._health_report(epoch.epoch_ns, epoch.mono_ns, reasons, report.not_monitored, vouched, report.excluded)
+        not_monitored = (*report.not_monitored, *signal.silent_on(epoch.statuses, self.site.receiver_names))
+        health = self._health_report(epoch.epoch_ns, epoch.mono_ns, reasons, not_monitored, vouched, report.excluded)
         return [report, health, *self._alerts(before, epoch.epoch_ns, epoch.mono_ns, reasons)]
 
     def _remarks(self, decided: _Decided, e: int) -> tuple[str, ...]:

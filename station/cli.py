@@ -30,6 +30,24 @@ def check(
 
 
 @commands.command()
+def plan(
+    site: Annotated[Path, typer.Argument(help="Site file (TOML).", show_default=False)],
+    as_json: Annotated[bool, typer.Option("--json", help="One JSON object on stdout.")] = False,
+) -> None:
+    """Which promises a triangle can keep, what faults each catches, how far apart antennas should be, and what to change for more.
+
+    A file that `check` refuses for its promises or its triangle gets a plan, too.
+
+    Example: wayside station plan site.toml
+    """
+    from station.plan import as_json as to_json
+    from station.plan import plan_site, render
+
+    found = plan_site(site)
+    print(json.dumps(to_json(found), indent=2) + "\n" if as_json else render(found), end="")
+
+
+@commands.command()
 def run(site: Annotated[Path, typer.Argument(help="Site file (TOML).", show_default=False)]) -> None:
     """Run the station: decide every epoch, publish signed health, record everything. Ends with SIGTERM or Ctrl-C.
 

@@ -50,7 +50,8 @@ class Points(NamedTuple):
 class Expected(NamedTuple):
     """What points would see at the times `t_ns` (E,), before anything is measured: pseudorange but for the receiver's clock, with the
     delays of the atmosphere, its rate and half its acceleration, (E, R, S); satellite clocks `clock_s` (E, 1, S); `los_enu` (3, E, R, S):
-    unit vectors from receiver to satellite; `el_rad`, `az_rad` (E, R, S)."""
+    unit vectors from receiver to satellite; `el_rad`, `az_rad` (E, R, S); `ionosphere_m`, broadcast to (E, R, S), the ionosphere's part of
+    the range."""
 
     t_ns: Ints
     clock_s: Floats
@@ -60,6 +61,11 @@ class Expected(NamedTuple):
     los_enu: Floats
     el_rad: Floats
     az_rad: Floats
+    ionosphere_m: Floats
+
+
+NO_IONOSPHERE = np.zeros((1, 1, 1))
+NO_IONOSPHERE.setflags(write=False)
 
 
 @dataclass(frozen=True, eq=False)
@@ -116,15 +122,26 @@ def expected(states: SatelliteStates, epoch_ns: Ints, points: Points, ionosphere
     satellites = np.concatenate((states.pos_ecef_m, states.vel_ecef_mps, states.acc_ecef_mps2, np.stack(alone)))[:, :, None, :]
     n_epochs, n_signals = states.clock_s.shape
     n_receivers = points.pos_ecef_m.shape[1]
-    out = np.empty((8, n_epochs, n_receivers, n_signals))
+    out = np.empty((8 if ionosphere is None else 9, n_epochs, n_receivers, n_signals))
     for few in slices(n_epochs, n_receivers * n_signals):
         there = points if len(points.pos_ecef_m) == 1 else Points(*(p[few] for p in points))
         out[:, few] = _geometry(states.t_ns[few], tow_s[few], satellites[:, few], there, ionosphere)
-    return Expected(states.t_ns, states.clock_s[:, None, :], out[0], out[1], out[2], out[3:6], out[6], out[7])
+    return Expected(
+        states.t_ns,
+        states.clock_s[:, None, :],
+        out[0],
+        out[1],
+        out[2],
+        out[3:6],
+        out[6],
+        out[7],
+        *(out[8:] if len(out) > 8 else NO_IONOSPHERE[None]),
+    )
 
 
 def _geometry(t_ns: Ints, tow_s: Floats, satellites: Floats, points: Points, ionosphere: Ionosphere | None) -> list[Floats]:
-    """Range with its rate and half its acceleration, line of sight (east, north, up), elevation, azimuth; each (E, R, S)."""
+    """Range with its rate and half its acceleration, line of sight (east, north, up), elevation, azimuth, and with a model of it the
+    ionosphere's part of the range; each (E, R, S)."""
     x, y, z, vx, vy, vz, ax, ay, az, clock_s, clock_drift_sps, dispersion = satellites
     x_r, y_r, z_r = (points.pos_ecef_m[..., i, None] for i in range(3))
     dx, dy, dz = x - x_r, y - y_r, z - z_r
@@ -147,6 +164,7 @@ def _geometry(t_ns: Ints, tow_s: Floats, satellites: Floats, points: Points, ion
     mapping, slope = troposphere_towards(np.where(low, LOWEST_MODELLED_SINE, up), np.where(low, LOWEST_MODELLED_COSINE, level))
     delay_m = points.zenith_delay_m[..., None] * mapping
     delay_mprad = delay_m * slope
+    parts = []
     if ionosphere is not None:
         el_air = np.maximum(el_rad, LOWEST_MODELLED_RAD)
         if isinstance(ionosphere, Klobuchar):
@@ -155,11 +173,12 @@ def _geometry(t_ns: Ints, tow_s: Floats, satellites: Floats, points: Points, ion
         else:
             l1_m = _nequick_m(t_ns, x, y, z, points, ionosphere)
         ionosphere_m = dispersion * l1_m
+        parts = [ionosphere_m]
         delay_m = delay_m + ionosphere_m
         delay_mprad = delay_mprad + ionosphere_m * klobuchar_slope(el_air)
     range_m = distance_m + sagnac * (x * y_r - y * x_r) - SPEED_OF_LIGHT_MPS * clock_s + delay_m
     rate_mps = distance_mps + sagnac * (vx * y_r - vy * x_r) - SPEED_OF_LIGHT_MPS * clock_drift_sps + delay_mprad * el_rate_radps
-    return [range_m, rate_mps, half_acc_mps2, east, north, up, el_rad, az_rad]
+    return [range_m, rate_mps, half_acc_mps2, east, north, up, el_rad, az_rad, *parts]
 
 
 def _nequick_m(t_ns: Ints, x: Floats, y: Floats, z: Floats, points: Points, ionosphere: GalileoIonosphere) -> Floats:

@@ -26,7 +26,7 @@ import numpy as np
 from integrity.gnss.carrier.smoothing import MOST_APART_M
 from integrity.gnss.gps_time import NS_PER_S
 from integrity.gnss.observations import Bools, Floats, Ints, freeze
-from integrity.monitors.carrier_residuals import Nature, ages, going_on, without_clocks
+from integrity.monitors.carrier_residuals import Nature, ages, without_clocks
 
 RATES_STAY_S = 300.0  # for so long the atmosphere goes on as it does; waves in the ionosphere take 15 minutes and more
 
@@ -95,38 +95,63 @@ class MotionMemory:
 
 
 class MotionStatistics(NamedTuple):
-    """In sigmas, signed, (E, R, S), NaN where nothing can be said: no carrier, or not for long enough; and what one sigma is: `step_m`,
-    `ramp_mps`, `acceleration_mps2` (E, R, S)."""
+    """In sigmas, signed, (3, E, R, S): step, ramp and acceleration; NaN where nothing can be said: no carrier, or not for long enough.
+    `sigma`, broadcast to that: what one is, m, of a ramp over the whole window; `half_s` (E, 1, 1)."""
 
-    step: Floats
-    ramp: Floats
-    acceleration: Floats
-    step_m: Floats
-    ramp_mps: Floats
-    acceleration_mps2: Floats
+    sigmas: Floats
+    sigma: Floats
+    half_s: Floats
+
+    @property
+    def step(self) -> Floats:
+        """(E, R, S), in sigmas."""
+        return self.sigmas[0]
+
+    @property
+    def ramp(self) -> Floats:
+        """(E, R, S), in sigmas."""
+        return self.sigmas[1]
+
+    @property
+    def acceleration(self) -> Floats:
+        """(E, R, S), in sigmas."""
+        return self.sigmas[2]
 
 
 def advance(memory: MotionMemory, inputs: MotionInputs, design: MotionDesign) -> tuple[MotionMemory, MotionStatistics]:
     """The memory after a block, and how its satellites move; epochs increase."""
     before, h = memory.on(inputs.signals), design.half_epochs
-    jumped = np.isfinite(inputs.jump_m)
-    jumps_m = np.add.accumulate(np.concatenate((before.jumps_m[None], np.where(jumped, inputs.jump_m, 0.0))))
-    residual_m = np.concatenate((before.residual_m, inputs.residual_m + jumps_m[1:, None]))  # (H + E, R, S), as by one ephemeris
+    jumped_m, jumps_m = _by_one_ephemeris(before, inputs)
+    residual_m = np.concatenate((before.residual_m, jumped_m))  # (H + E, R, S)
     epoch_ns = np.concatenate((before.epoch_ns, inputs.epoch_ns))  # (2H + E,)
     dt_s, half_s, window_s = (_since(epoch_ns, 2 * h, back) for back in (1, h, 2 * h))
+    continues = inputs.continues & (np.isfinite(inputs.jump_m)[:, None] & (dt_s <= design.longest_gap_s))
 
-    goes_on = going_on(np.isfinite(residual_m[h - 1 :]), inputs.continues & (jumped[:, None] & (dt_s <= design.longest_gap_s)))
-    stepped_m = np.where(goes_on, residual_m[h:] - residual_m[h - 1 : -1], np.nan)
-    step = without_clocks(stepped_m, np.sqrt(change_m2(inputs.nature, dt_s, design)), inputs.system_of)
-    age = ages(goes_on & ~(np.abs(step.change_m) > MOST_APART_M), before.age)  # so far off it is told once, and another arc begins
-    moved_m = np.where((age >= h) & (half_s <= design.longest_half_s), residual_m[h:] - residual_m[:-h], np.nan)
-    half_m2 = change_m2(inputs.nature, half_s, design)
-    half = without_clocks(moved_m, np.sqrt(half_m2), inputs.system_of)
-    halves_m = np.concatenate((before.half_m, half.change_m))
+    moved_m = np.empty((2, *inputs.residual_m.shape))  # since the epoch before, and over h
+    np.subtract(residual_m[h:], residual_m[h - 1 : -1], out=moved_m[0])
+    goes_on = continues & np.isfinite(moved_m[0])
+    age = ages(goes_on, before.age)
+    np.subtract(residual_m[h:], residual_m[:-h], out=moved_m[1])
+    np.copyto(moved_m[0], np.nan, where=~goes_on)
+    np.copyto(moved_m[1], np.nan, where=(age < h) | (half_s > design.longest_half_s))
+    moved_m2 = np.stack((change_m2(inputs.nature, dt_s, design), change_m2(inputs.nature, half_s, design)))
+    (step_m, half_m), (step_m2, half_m2) = without_clocks(moved_m, moved_m2, inputs.system_of)
+    far = np.abs(step_m) > MOST_APART_M  # is told once, and another arc begins
+    if far.any():
+        age = ages(goes_on & ~far, before.age)
+        moved_m[1][age < h] = np.nan
+        half_m, half_m2 = without_clocks(moved_m[1], moved_m2[1], inputs.system_of)
+        step_m2, half_m2 = (np.broadcast_to(m2, step_m.shape) for m2 in (step_m2, half_m2))
+    halves_m = np.concatenate((before.half_m, half_m))
 
-    of_clocks = half.sigma_m / np.sqrt(half_m2)  # what the median adds
-    window_m = of_clocks * np.sqrt(change_m2(inputs.nature, window_s, design))
-    bend_m = of_clocks * np.sqrt(bend_m2(inputs.nature, half_s, design))
+    of_clocks = half_m2 / moved_m2[1]  # 1 but for what is away from the others
+    window_m2, swing_m2 = change_m2(inputs.nature, window_s, design), bend_m2(inputs.nature, half_s, design)
+    sigma = np.sqrt(np.stack((step_m2, of_clocks * window_m2, of_clocks * swing_m2)))
+    shown = np.empty((3, *step_m.shape))
+    shown[0] = step_m
+    np.add(half_m, halves_m[:-h], out=shown[1])
+    np.subtract(half_m, halves_m[:-h], out=shown[2])
+    shown /= sigma
     last = slice(-h, None)
     after = MotionMemory(
         inputs.signals,
@@ -134,16 +159,25 @@ def advance(memory: MotionMemory, inputs: MotionInputs, design: MotionDesign) ->
         residual_m[last].copy(),
         halves_m[last].copy(),
         np.minimum(age[-1], h),
-        jumps_m[-1].copy(),
+        jumps_m,
     )
-    return after, MotionStatistics(
-        step=step.change_m / step.sigma_m,
-        ramp=(half.change_m + halves_m[:-h]) / window_m,
-        acceleration=(half.change_m - halves_m[:-h]) / bend_m,
-        step_m=step.sigma_m,
-        ramp_mps=window_m / window_s,
-        acceleration_mps2=bend_m / (half_s * half_s),
-    )
+    return after, MotionStatistics(shown, sigma, half_s)
+
+
+def _by_one_ephemeris(before: MotionMemory, inputs: MotionInputs) -> tuple[Floats, Floats]:
+    """Residuals (E, R, S) as if the set that served when a satellite was first measured still did, and the sum of its jumps after the
+    block (S,); where no receiver measures it, it begins anew."""
+    moved = np.flatnonzero((before.jumps_m != 0.0) | (inputs.jump_m != 0.0).any(axis=0))
+    if not len(moved):
+        return inputs.residual_m, before.jumps_m
+    residual_m, jumps_m = inputs.residual_m.copy(), before.jumps_m.copy()
+    for s in moved:
+        seen = np.isfinite(inputs.residual_m[:, :, s]).any(axis=1)
+        for e in range(len(seen)):
+            jump_m = inputs.jump_m[e, s]
+            jumps_m[s] = jumps_m[s] + jump_m if seen[e] and np.isfinite(jump_m) else 0.0
+            residual_m[e, :, s] += jumps_m[s]
+    return residual_m, jumps_m
 
 
 def change_m2(nature: Nature, dt_s: Floats, design: MotionDesign) -> Floats:

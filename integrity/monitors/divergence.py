@@ -28,10 +28,8 @@ import numpy as np
 
 from integrity.gnss.carrier.smoothing import MOST_APART_M
 from integrity.gnss.gps_time import NS_PER_S
-from integrity.gnss.observations import Bools, Floats, Ints, ObservationBlock, freeze
-from integrity.monitors.carrier_residuals import LEAST_FOR_CLOCK, Nature, ages, going_on, without_clocks
-
-NEAR_SIGMAS = 4.0  # of a difference of two codes
+from integrity.gnss.observations import Bools, Floats, Ints, freeze
+from integrity.monitors.carrier_residuals import Nature, ages, without_clocks
 
 
 class DivergenceInputs(NamedTuple):
@@ -98,80 +96,82 @@ class DivergenceMemory:
 
 
 class DivergenceStatistics(NamedTuple):
-    """In sigmas, signed, (E, R, S), NaN where nothing can be said; and what one sigma is: `innovation_m`, `divergence_mps`."""
+    """In sigmas, signed, (2, E, R, S): innovation and divergence; NaN where nothing can be said. `sigma`, broadcast to that: what one is, m
+    and m/s."""
 
-    innovation: Floats
-    divergence: Floats
-    innovation_m: Floats
-    divergence_mps: Floats
+    sigmas: Floats
+    sigma: Floats
 
+    @property
+    def innovation(self) -> Floats:
+        """(E, R, S), in sigmas."""
+        return self.sigmas[0]
 
-def code_minus_carrier_m(block: ObservationBlock, wavelength_m: Floats) -> Floats:
-    """c (E, R, S), m; wavelength_m (E, S)."""
-    result: Floats = block.pseudorange_m - wavelength_m[:, None] * block.carrier_cycles
-    return result
+    @property
+    def divergence(self) -> Floats:
+        """(E, R, S), in sigmas."""
+        return self.sigmas[1]
 
 
 def advance(memory: DivergenceMemory, inputs: DivergenceInputs, design: DivergenceDesign) -> tuple[DivergenceMemory, DivergenceStatistics]:
     """The memory after a block, and how far code and carrier are apart in it; epochs increase."""
-    before, tau_s = memory.on(inputs.signals), design.window_s
-    c_m = np.concatenate((before.code_minus_carrier_m[None], inputs.code_minus_carrier_m))
+    before, tau_s, c_m = memory.on(inputs.signals), design.window_s, inputs.code_minus_carrier_m
     dt_s = (np.diff(inputs.epoch_ns, prepend=before.epoch_ns) / NS_PER_S)[:, None, None]
 
-    connected = going_on(np.isfinite(c_m), inputs.continues & (dt_s <= design.longest_gap_s))
-    changed_m = np.where(connected, c_m[1:] - c_m[:-1], np.nan)
-    changed_m = changed_m - common_m(changed_m, inputs.nature.code_m2)
+    changed_m = np.empty(c_m.shape)
+    np.subtract(c_m[:1], before.code_minus_carrier_m, out=changed_m[:1])
+    np.subtract(c_m[1:], c_m[:-1], out=changed_m[1:])
+    np.copyto(changed_m, np.nan, where=~(inputs.continues & (dt_s <= design.longest_gap_s)))
+    together = np.zeros(len(inputs.signals), dtype=np.int64)  # all signals of a receiver
+    changed_m = without_clocks(changed_m, 2.0 * inputs.nature.code_m2, together).change_m
     far = np.abs(changed_m) > MOST_APART_M  # is told once, and another arc begins
     goes_on = np.isfinite(changed_m) & ~far
     age = ages(goes_on, before.age)
-    a = np.minimum(np.maximum(1.0 / np.maximum(age, 1), dt_s / tau_s), 1.0)  # 1 where an arc begins
-    first_m, second_mps = _filtered(before, np.where(goes_on, changed_m, 0.0), a, goes_on, dt_s, tau_s)
     begun_ns = np.where(goes_on, 0, inputs.epoch_ns[:, None, None])
-    since_ns = np.maximum.accumulate(np.concatenate((before.since_ns[None], begun_ns)))[1:]
-    age_s = (inputs.epoch_ns[:, None, None] - since_ns) / NS_PER_S
+    np.maximum(begun_ns[0], before.since_ns, out=begun_ns[0])
+    since_ns = np.maximum.accumulate(begun_ns) if len(c_m) > 1 else begun_ns
+    full = np.maximum(tau_s / dt_s, 1.0)  # epochs in the window
+    n = np.minimum(np.maximum(age, 1), full)  # of them so far; 1 where an arc begins
 
-    drift_m2ps2 = 4.0 * inputs.nature.ionosphere_m2ps2
-    innovation_m = np.sqrt(inputs.nature.code_m2 * (1.0 + a) + drift_m2ps2 * np.minimum(age_s, tau_s) ** 2)
-    stays_s = design.correlation_s + 0.5 * dt_s
-    divergence_mps = np.sqrt(inputs.nature.code_m2 * (stays_s / (2.0 * tau_s * (tau_s + stays_s) ** 2)) + drift_m2ps2)
-    told_m = np.where(goes_on, first_m, np.where(far, changed_m, np.nan))
-    told_mps = np.where(goes_on & (age_s >= design.warm_up_s), second_mps, np.nan)
-    both = without_clocks(
-        np.stack((told_m, told_mps)), np.stack((innovation_m, np.broadcast_to(divergence_mps, innovation_m.shape))), inputs.system_of
-    )
+    told = np.empty((2, *c_m.shape))
+    told[0] = changed_m
+    np.copyto(told[0], 0.0, where=~goes_on)
+    _carry_on(before.innovation_m, 1.0 - 1.0 / n, told[0])
+    np.multiply(told[0], 1.0 / (full * tau_s), out=told[1])
+    _carry_on(before.rate_mps, goes_on * (1.0 - 1.0 / full), told[1])
+    first_m, second_mps = told[0, -1].copy(), told[1, -1].copy()
+    np.copyto(told[0], np.nan if not far.any() else np.where(far, changed_m, np.nan), where=~goes_on)
+    np.copyto(told[1], np.nan, where=since_ns > inputs.epoch_ns[:, None, None] - round(design.warm_up_s * NS_PER_S))
+    fewest, most = np.minimum.reduce(n, axis=1, keepdims=True), np.maximum.reduce(n, axis=1, keepdims=True)
+    told_m2 = np.stack((innovation_m2(inputs.nature, 1.0 / fewest, most * dt_s), divergence_m2ps2(inputs.nature, dt_s, design)))
+    left, left_m2 = without_clocks(told, told_m2, inputs.system_of)
+    sigma = np.sqrt(left_m2)
     after = DivergenceMemory(
         inputs.signals,
         int(inputs.epoch_ns[-1]),
-        *(array[-1].copy() for array in (c_m, first_m, second_mps, age, since_ns)),
+        c_m[-1].copy(),
+        first_m,
+        second_mps,
+        age[-1].copy(),
+        since_ns[-1].copy(),
     )
-    return after, DivergenceStatistics(*(both.change_m / both.sigma_m), *both.sigma_m)
+    return after, DivergenceStatistics(left / sigma, sigma)
 
 
-def common_m(changed_m: Floats, code_m2: Floats) -> Floats:
-    """What the signals of each receiver have in common of their changes (E, R, S), (E, R, 1): the weighted mean of those near the median.
-
-    code_m2 (E, 1, S): variances of the code. NaN where fewer than three are near it.
-    """
-    ordered = np.sort(changed_m, axis=-1)  # NaN last
-    n = np.isfinite(ordered).sum(axis=-1, keepdims=True)
-    lower = np.arange(n.size).reshape(n.shape) * ordered.shape[-1] + np.maximum(n - 1, 0) // 2
-    off_m = changed_m - ordered.take(lower)
-    near = off_m * off_m <= NEAR_SIGMAS**2 * 2.0 * code_m2
-    weight = np.where(near, 1.0 / code_m2, 0.0)
-    sums = np.add.accumulate(np.stack((weight, np.where(near, off_m * weight, 0.0))), axis=-1)[..., -1:]  # signals not seen change no bit
-    with np.errstate(invalid="ignore"):
-        mean_m = ordered.take(lower) + sums[1] / sums[0]
-    result: Floats = np.where(near.sum(axis=-1, keepdims=True) >= LEAST_FOR_CLOCK, mean_m, np.nan)
-    return result
+def innovation_m2(nature: Nature, a: Floats, age_s: Floats) -> Floats:
+    """Variance (E, 1, S) of the first stage, of signals that have continued for age_s, at most tau."""
+    return nature.code_m2 * (1.0 + a) + 4.0 * nature.ionosphere_m2ps2 * (age_s * age_s)
 
 
-def _filtered(before: DivergenceMemory, changed_m: Floats, a: Floats, goes_on: Bools, dt_s: Floats, tau_s: float) -> tuple[Floats, Floats]:
-    """Both stages (E, R, S); changed_m is 0 where an arc begins, or nothing is."""
-    first, second = np.empty(changed_m.shape), np.empty(changed_m.shape)
-    i, D = before.innovation_m, before.rate_mps
-    b = np.minimum(dt_s / tau_s, 1.0)
-    keep, keep_rate, gain = np.where(goes_on, 1.0 - a, 0.0), np.where(goes_on, 1.0 - b, 0.0), np.where(goes_on, b / tau_s, 0.0)
-    for e in range(len(changed_m)):
-        i = np.add(np.multiply(keep[e], i, out=first[e]), changed_m[e], out=first[e])
-        D = np.add(np.multiply(keep_rate[e], D, out=second[e]), gain[e] * i, out=second[e])
-    return first, second
+def divergence_m2ps2(nature: Nature, dt_s: Floats, design: DivergenceDesign) -> Floats:
+    """Variance (E, 1, S) of the second stage: multipath that both stages leave, and the ionosphere."""
+    tau_s, stays_s = design.window_s, design.correlation_s + 0.5 * dt_s
+    return nature.code_m2 * (stays_s / (2.0 * tau_s * (tau_s + stays_s) ** 2)) + 4.0 * nature.ionosphere_m2ps2
+
+
+def _carry_on(before: Floats, keep: Floats, new: Floats) -> None:
+    """x(t) = keep(t) x(t - dt) + new(t), (E, R, S), into the place of `new`."""
+    kept = np.empty(before.shape)
+    for keep_now, now in zip(keep, new, strict=True):
+        np.multiply(keep_now, before, out=kept)
+        before = np.add(now, kept, out=now)

@@ -8,6 +8,7 @@ jamming, with signals as strong as ever, or stronger, it is what a spoofer does 
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 from math import exp, isnan, nan
 from typing import NamedTuple
 
@@ -98,7 +99,8 @@ def remarks(receivers: Sequence[str], cn0_drop_db: Floats, lost_share: Floats, g
     return tuple(found)
 
 
-def silent_on(statuses: Statuses, receivers: Sequence[str]) -> tuple[str, ...]:
+@lru_cache(maxsize=4)
+def silent_on(statuses: Statuses, receivers: tuple[str, ...]) -> tuple[str, ...]:
     """What receivers do not say of themselves, as `jamming_A`: not monitored, whatever they may hear."""
     of = dict(statuses)
     quiet = ReceiverStatus()

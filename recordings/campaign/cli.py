@@ -1,6 +1,8 @@
 """The command that plays every threat and says what became of it."""
 
 import json
+import os
+import platform
 import sys
 import time
 from pathlib import Path
@@ -12,7 +14,7 @@ SAMPLE_SITE = Path(__file__).resolve().parents[1] / "samples" / "site.toml"
 START = "2026-03-02T00:00:00Z"
 STAGE_S = 1800.0
 SMALL_STAGES, SMALL_TRIALS = 2, 2
-FULL_STAGES, FULL_TRIALS = 24, 10
+FULL_STAGES, FULL_TRIALS = 8, 10
 
 Site = Annotated[Path | None, typer.Argument(metavar="SITE", help="Site file; by default the sample's.", show_default=False)]
 Recordings = Annotated[
@@ -61,24 +63,32 @@ def campaign(
     start_ns = parse_utc(START)
     simulated = [Simulated(config, start_ns + k * 3607 % DAY_S * NS_PER_S, STAGE_S, seed + k) for k in range(stages)]
     plan = Plan(tuple(map(Recorded, recording)) if recording else tuple(simulated), trials, seed)
+    pictures = [path for path in (plot, out and out / "results.svg") if path]
+    for path in pictures:
+        path.parent.mkdir(parents=True, exist_ok=True)  # before hours of work, not after
     began_s = time.monotonic()
     played: list[Played] = []
     for piece in played_in(plan, jobs, threat or ()):
         played += piece
-        if sys.stderr.isatty() and time.monotonic() - began_s > 2.0:
-            print(f"\r{len(played)} trials", end="", file=sys.stderr, flush=True)
-    if sys.stderr.isatty():
-        print("\r" + " " * 20 + "\r", end="", file=sys.stderr, flush=True)
+        if time.monotonic() - began_s > 2.0:
+            _progress(f"{len(played)} trials")
     found = as_json_object(played, plan)
     if not threat:
+        _progress("what trials cannot reach")
         of_site = stage_from(plan.sources[0]).site
         found["theory"] = theory(of_site, tolerance_m(of_site), FULL if full else SMALL, seed, jobs)
+    _progress("")
+    found["machine"] = f"{platform.machine()}, {os.cpu_count()} processors, {jobs} in use, Python {platform.python_version()}"
     found["wall_s"] = round(time.monotonic() - began_s, 1)
     text = json.dumps(found, indent=2)
-    for path in (plot, out and out / "results.svg"):
-        if path:
-            path.parent.mkdir(parents=True, exist_ok=True)
-            path.write_text(campaign_svg(found), "utf-8")
+    for path in pictures:
+        path.write_text(campaign_svg(found), "utf-8")
     if out:
         (out / "results.json").write_text(text + "\n", "utf-8")
     print(text if as_json else explain(found))
+
+
+def _progress(words: str) -> None:
+    """One line that is written over, for people only."""
+    if sys.stderr.isatty():
+        print(f"\r{words:<40}\r", end="", file=sys.stderr, flush=True)

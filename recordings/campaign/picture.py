@@ -28,7 +28,7 @@ PERCENT_TICKS = [(0.0, "0 %"), (0.5, "50 %"), (1.0, "100 %")]
 
 
 def campaign_svg(found: Mapping[str, Any]) -> str:
-    """The picture of `summary.as_json_object`, with `theory` if it is there, as the text of an SVG file. The same object, the same bytes."""
+    """The picture of `summary.as_json_object`, with `theory` if it is there, as the text of an SVG file."""
     threats = found["threats"]
     rows = -(-len(threats) // COLUMNS)
     below_px = TOP_PX + rows * ROW_PX

@@ -9,7 +9,7 @@ from integrity.thresholds import YEAR_S
 from recordings.campaign.acceptance_line import Acceptance, acceptance
 from recordings.campaign.detectable import Case, Measured, cases, smallest_caught
 from recordings.campaign.error_model import ErrorModel, error_model
-from recordings.campaign.false_alarms import Promise, alarms_of, poisson_bounds
+from recordings.campaign.false_alarms import NOT_SIMULATED, Promise, alarms_of, poisson_bounds
 from recordings.campaign.namings import KINDS, Named, namings, total
 from recordings.campaign.tally import bounded, rounded
 
@@ -87,6 +87,7 @@ def _of_line(found: Acceptance, model: ErrorModel) -> dict[str, Any]:
 
 def _of_promise(of: Promise) -> dict[str, Any]:
     stops_low, stops_high = poisson_bounds(of.found.stops)
+    alarms_low, alarms_high = poisson_bounds(of.alarms)
     return {
         "per_year": rounded(of.per_year),
         "days": rounded(of.found.seconds / DAY_S),
@@ -96,8 +97,11 @@ def _of_promise(of: Promise) -> dict[str, Any]:
         "stops_high": rounded(stops_high),
         "kept": stops_low <= of.promised,
         "alarms": of.alarms,
+        "alarms_low": rounded(alarms_low),
+        "alarms_high": rounded(alarms_high),
         "alarms_error": None if of.alarms_error is None else rounded(of.alarms_error),
         "alarms_by_theory": rounded(sum(of.expected.values())),
+        "not_simulated": list(NOT_SIMULATED),
         "checks": {
             check: {"alarms": count, "by_theory": rounded(of.expected[check]) if check in of.expected else None}
             for check, count in of.found.alarms.items()

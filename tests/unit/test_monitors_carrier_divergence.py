@@ -58,7 +58,7 @@ def test_the_stages_are_two_equal_filters_once_the_window_is_full() -> None:
     first_mps = lfilter(b, a, np.diff(c_m, prepend=c_m[0]))
     second_mps = lfilter(b, a, first_mps)
     found = compared(inputs)
-    stages = (found.innovation * found.innovation_m)[:, 0] / TAU_S, (found.divergence * found.divergence_mps)[:, 0]
+    stages = (found.innovation * found.sigma[0])[:, 0] / TAU_S, (found.divergence * found.sigma[1])[:, 0]
     for got, want in zip((stage[:, FAULTY] - stage[:, OTHER] for stage in stages), (first_mps, second_mps), strict=True):
         np.testing.assert_allclose(got[1700:], want[1700:], rtol=1e-4, atol=1e-7)
 
@@ -67,7 +67,7 @@ def test_innovation_is_what_the_mean_so_far_did_not_expect() -> None:
     inputs, c_m = alone(90)
     found = compared(inputs)
     expected = [c_m[e] - c_m[:e].mean() for e in range(1, 90)]
-    innovation_m = (found.innovation * found.innovation_m)[1:, 0]
+    innovation_m = (found.innovation * found.sigma[0])[1:, 0]
     np.testing.assert_allclose(innovation_m[:, FAULTY] - innovation_m[:, OTHER], expected, atol=1e-12)
 
 
@@ -94,15 +94,15 @@ def test_a_signal_that_rises_is_no_worse_than_the_others() -> None:
 
 
 @pytest.mark.parametrize(
-    ("name", "unit", "shape"),
+    ("name", "place", "shape"),
     [
-        ("innovation", "innovation_m", 1.0 * (np.arange(EPOCHS) == EPOCHS - 1)),
-        ("divergence", "divergence_mps", np.arange(EPOCHS) - EPOCHS + 600.0),
+        ("innovation", 0, 1.0 * (np.arange(EPOCHS) == EPOCHS - 1)),
+        ("divergence", 1, np.arange(EPOCHS) - EPOCHS + 600.0),
     ],
     ids=["a jump of the code", "a drift for ten minutes"],
 )
-def test_smallest_fault_is_that_of_theory(trials: DivergenceInputs, name: str, unit: str, shape: Floats) -> None:
-    sigma = getattr(compared(trials), unit)[-1, 0, FAULTY]
+def test_smallest_fault_is_that_of_theory(trials: DivergenceInputs, name: str, place: int, shape: Floats) -> None:
+    sigma = compared(trials).sigma[place, -1, 0, FAULTY]
     theory = (K_FA + gauss_quantile(P_MD)) * sigma
     statistic = getattr(compared(changed(trials, theory * np.maximum(shape, 0.0))), name)[-1, :, FAULTY]
     lacking = K_FA - np.quantile(statistic, P_MD)

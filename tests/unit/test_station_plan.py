@@ -1,7 +1,9 @@
 """What a triangle can promise: the table follows from the same limits as a station's, and the advice works."""
 
 import json
+from functools import cache
 from pathlib import Path
+from tempfile import TemporaryDirectory
 
 import pytest
 
@@ -24,13 +26,15 @@ def written(folder: Path, *edits: tuple[str, str]) -> Path:
     return path
 
 
-def planned(folder: Path, *edits: tuple[str, str]) -> SitePlan:
-    return plan_site(written(folder, *edits))
+@cache
+def planned(*edits: tuple[str, str]) -> SitePlan:
+    with TemporaryDirectory() as folder:
+        return plan_site(written(Path(folder), *edits))
 
 
-def test_what_the_file_promises_is_what_a_station_derives(tmp_path: Path) -> None:
+def test_what_the_file_promises_is_what_a_station_derives() -> None:
     site = parse_site(SITE, "site.toml").config
-    limits, promised = derive(site, reference_triangle(site)), planned(tmp_path).promised
+    limits, promised = derive(site, reference_triangle(site)), planned().promised
     assert (promised.radius_m, promised.shape_m, promised.residual_m) == (
         limits.radius_m,
         limits.by_name["shape"].smallest_fault,
@@ -38,39 +42,39 @@ def test_what_the_file_promises_is_what_a_station_derives(tmp_path: Path) -> Non
     )
 
 
-def test_every_pair_of_promises_is_there(tmp_path: Path) -> None:
-    pairs = [(p.false_stops_per_year, p.missed_detection) for p in planned(tmp_path).promises]
+def test_every_pair_of_promises_is_there() -> None:
+    pairs = [(p.false_stops_per_year, p.missed_detection) for p in planned().promises]
     assert pairs == [(stops, missed) for stops in FALSE_STOPS_PER_YEAR for missed in MISSED_DETECTION]
 
 
-def test_fewer_false_stops_need_a_larger_radius(tmp_path: Path) -> None:
-    radii = [p.radius_m for p in planned(tmp_path).promises if p.missed_detection == 1e-5]
+def test_fewer_false_stops_need_a_larger_radius() -> None:
+    radii = [p.radius_m for p in planned().promises if p.missed_detection == 1e-5]
     assert radii == sorted(radii, reverse=True) and len(set(radii)) == 4
 
 
-def test_fewer_misses_need_a_larger_tolerance(tmp_path: Path) -> None:
-    tolerances = [p.least_tolerance_m for p in planned(tmp_path).promises if p.false_stops_per_year == 1.0]
+def test_fewer_misses_need_a_larger_tolerance() -> None:
+    tolerances = [p.least_tolerance_m for p in planned().promises if p.false_stops_per_year == 1.0]
     assert tolerances == sorted(tolerances) and len(set(tolerances)) == 3
 
 
-def test_a_sound_file_keeps_what_it_promises(tmp_path: Path) -> None:
-    plan = planned(tmp_path)
+def test_a_sound_file_keeps_what_it_promises() -> None:
+    plan = planned()
     assert (plan.promised.broken, plan.changes) == ((), ())
 
 
-def test_a_refused_file_is_planned(tmp_path: Path) -> None:
-    promised = planned(tmp_path, REFUSED).promised
+def test_a_refused_file_is_planned() -> None:
+    promised = planned(REFUSED).promised
     assert promised.broken == (f"needs a tolerance of {promised.least_tolerance_m:.2f} m, the line has 12",)
 
 
-def test_a_triangle_too_small_is_planned(tmp_path: Path) -> None:
-    broken = planned(tmp_path, SMALL_TRIANGLE, NO_TOLERANCE).promised.broken
+def test_a_triangle_too_small_is_planned() -> None:
+    broken = planned(SMALL_TRIANGLE, NO_TOLERANCE).promised.broken
     assert len(broken) == 1 and broken[0].startswith("collapse needs 12.0 sigma, the triangle has ")
 
 
 @pytest.mark.parametrize(("more_m", "kept"), [(-0.001, False), (0.001, True)])
 def test_the_tolerance_needed_is_the_one_that_the_check_asks_for(tmp_path: Path, more_m: float, kept: bool) -> None:
-    needed_m = planned(tmp_path).promised.least_tolerance_m
+    needed_m = planned().promised.least_tolerance_m
     assert check_site(written(tmp_path, ("tolerance_m = 20.0", f"tolerance_m = {needed_m + more_m:.4f}"))).ok is kept
 
 
@@ -87,7 +91,7 @@ def advised(plan: SitePlan, key: str) -> str:
 
 @pytest.mark.parametrize(("key", "old"), [("tolerance_m", "12.0"), ("sigma_common_m", "1.2")])
 def test_each_advice_for_the_circles_makes_the_check_accept(tmp_path: Path, key: str, old: str) -> None:
-    value = advised(planned(tmp_path, REFUSED), key)
+    value = advised(planned(REFUSED), key)
     text = edited(REFUSED).replace(f"\n{key} = {old}\n", f"\n{key} = {value}\n")
     path = tmp_path / "advised.toml"
     path.write_text(text)
@@ -95,7 +99,7 @@ def test_each_advice_for_the_circles_makes_the_check_accept(tmp_path: Path, key:
 
 
 def test_the_advice_for_the_collapse_test_makes_the_check_accept(tmp_path: Path) -> None:
-    plan = planned(tmp_path, SMALL_TRIANGLE, NO_TOLERANCE)
+    plan = planned(SMALL_TRIANGLE, NO_TOLERANCE)
     level, up = advised(plan, "sigma_differential_m"), advised(plan, "sigma_differential_up_m")
     path = written(
         tmp_path,
@@ -106,27 +110,27 @@ def test_the_advice_for_the_collapse_test_makes_the_check_accept(tmp_path: Path)
     assert check_site(path).ok
 
 
-def test_promises_that_the_site_keeps_are_told(tmp_path: Path) -> None:
-    assert planned(tmp_path, REFUSED).changes[-1].startswith("promises that this site keeps: 10 stops a year with 0.001 missed")
+def test_promises_that_the_site_keeps_are_told() -> None:
+    assert planned(REFUSED).changes[-1].startswith("promises that this site keeps: 10 stops a year with 0.001 missed")
 
 
-def test_short_sides_are_told(tmp_path: Path) -> None:
+def test_short_sides_are_told() -> None:
     near = "position_ecef_m = [-3962113.542, 3381303.869, 3668678.638]"  # 7.5 m east of A, a sixteenth of the way to B
-    plan = planned(tmp_path, ("position_ecef_m = [-3962186.571, 3381218.295, 3668678.638]", near))
+    plan = planned(("position_ecef_m = [-3962186.571, 3381218.295, 3668678.638]", near))
     remarks = {side.ends: len(side.remarks) for side in plan.sides}
     assert remarks == {"A-B": 2, "A-C": 0, "B-C": 0}
 
 
-def test_without_coordinates_there_is_nothing_to_plan(tmp_path: Path) -> None:
+def test_without_coordinates_there_is_nothing_to_plan() -> None:
     with pytest.raises(ConfigProblems, match="missing coordinates"):
-        planned(tmp_path, ("position_ecef_m = [-3962186.571, 3381218.295, 3668678.638]\n", ""))
+        planned(("position_ecef_m = [-3962186.571, 3381218.295, 3668678.638]\n", ""))
 
 
-def test_the_table_marks_the_file_s_own_promises(tmp_path: Path) -> None:
-    own = [line for line in render(planned(tmp_path)).splitlines() if line.endswith("(the file's)")]
+def test_the_table_marks_the_file_s_own_promises() -> None:
+    own = [line for line in render(planned()).splitlines() if line.endswith("(the file's)")]
     assert len(own) == 1 and own[0].split()[:2] == ["1", "1e-05"]
 
 
-def test_the_plan_is_one_json_object(tmp_path: Path) -> None:
-    found = json.loads(json.dumps(as_json(planned(tmp_path, REFUSED))))
+def test_the_plan_is_one_json_object() -> None:
+    found = json.loads(json.dumps(as_json(planned(REFUSED))))
     assert [len(found["promises"]), found["wanted_m"], len(found["promised"]["broken"])] == [12, 12.0, 1]

@@ -1,0 +1,240 @@
+"""Shadow faults: do the monitors still see what they are there for? Asked once a minute, of copies of an epoch that is otherwise sound.
+
+Theory of operation. A fault that a monitor promises to catch (`shadows`) is put into a copy of the epoch, one copy for each check: into
+residuals of receivers and satellites, strength and presence of signals, ephemerides, ticks. All copies stand one below the other in one
+block, which goes through the very functions and limits that decide. The check in question must fail in its copy; others may. One that does
+not is silent.
+
+Nothing is remembered, and nothing taken from what was remembered: monitors with memory are shown a past of their own. So live and replay
+decide the same. A check that says nothing of the sound epoch is not asked, but for those that only speak when a satellite changes its set.
+"""
+
+from dataclasses import fields, replace
+from math import nan
+from typing import Any
+
+import numpy as np
+
+from integrity.assembler import AlignedEpoch
+from integrity.checks import BlockChecks, Surroundings, check, geometry_of
+from integrity.config import SiteConfig
+from integrity.gnss.ephemeris.states import Ephemerides, SatelliteStates
+from integrity.gnss.gps_time import NS_PER_S
+from integrity.gnss.observations import Bools, Floats, ObservationBlock
+from integrity.gnss.positioning import Points, Prefit
+from integrity.limits import Limits
+from integrity.monitors import navigation, slow
+from integrity.receiver_watch import Heard, ReceiverMemory, heard_with
+from integrity.satellites import Watched
+from integrity.shadows import SLOW_STEP_NS, Shadow, Turn, false_sets, faults_of, of_ranges, of_receivers, slow_shift_m
+from integrity.sight import Sight
+from integrity.states import Outcome
+from integrity.stream_memory import StreamMemory, StreamStatistics, advance
+from integrity.triangle import ReferenceTriangle
+from integrity.verdict import Checks, passed_over
+
+EVERY_NS = 60 * NS_PER_S
+FEW_SATELLITES = 3
+CN0_DROP_DB = 9.0  # 1.5 times a jammer's
+KEEP_EACH = 4  # of the signals that a receiver loses: three quarters are gone, 1.5 times a jammer's share
+LEAST_SIGNALS = 4  # `streams.lost_share` says nothing of fewer
+HOST_TIME_S = 4.5  # from one end of what delays explain to beyond the other one: `clocks.HALF_WIDTH_S`
+OF_CHANGES = ("ephemeris", "reissued")  # say nothing until a satellite changes its set
+ONLY_ALONE = ("slow",)  # looks only where nothing else fails
+
+
+def is_due(gps_ns: int, interval_ns: int) -> bool:
+    """Whether an epoch is the first of its minute."""
+    return gps_ns % EVERY_NS < interval_ns
+
+
+def silent_families(
+    sight: Sight,
+    full: BlockChecks,
+    around: Surroundings,
+    epoch: AlignedEpoch,
+    e: int,
+    points: Points,
+    triangle: ReferenceTriangle,
+    site: SiteConfig,
+    limits: Limits,
+) -> tuple[str, ...]:
+    """The checks that stay silent in their copies of epoch e of a block, which is `epoch` and has no failing check, by name."""
+    turn = Turn(sight, full, e, int(sight.block.epoch_ns[e]) // EVERY_NS, faults_of(site, triangle), triangle)
+    shadows = [*of_receivers(turn), *of_ranges(turn), *_of_the_rest(turn)]
+    row = {shadow.check: f for f, shadow in enumerate(shadows)}
+    copies = _copies(sight, e, np.array([shadow.more_m for shadow in shadows]))
+    geometry = geometry_of(copies.sky, np.array([shadow.used for shadow in shadows]), site.integrity, triangle)
+    past = Surroundings(
+        streams=_disturbed(turn, around.streams, row, limits),
+        heard=_late(turn, around.heard, row, epoch, site),
+        watched=_false_sets(turn, around.watched, row, limits),
+        receivers=_standing_off(turn, limits),
+    )
+    shown = copies.satellites.statistics_by(geometry.clocks, geometry.of_each)
+    checks = check(copies, geometry, shown, past, points, triangle, site, limits).checks
+    asked = (full.checks.outcome[e] != Outcome.NOT_MONITORED) | np.isin(checks.names, OF_CHANGES)
+    asked &= ~passed_over(checks.names, site.integrity.rule)
+    return tuple(
+        name
+        for c, name in enumerate(checks.names)
+        if name in row and asked[c] and _is_silent(checks, row[name], c, shadows[row[name]].reaches)
+    )
+
+
+def _is_silent(checks: Checks, f: int, c: int, reaches: float) -> bool:
+    """Whether check c does not fail in copy f, by as much as it should; one that looks only where nothing else fails is not asked where
+    something does."""
+    fails = checks.outcome[f] == Outcome.FAIL
+    seen = fails[c] and checks.statistic[f, c] >= reaches
+    return not seen and not (checks.names[c] in ONLY_ALONE and fails.any())
+
+
+def _of_the_rest(turn: Turn) -> list[Shadow]:
+    """Copies whose residuals are sound: what is wrong with them stands elsewhere."""
+    sound, used = np.zeros(turn.sight.at_points.residual_m.shape[1:]), turn.full.used[turn.e]
+    few = used & (np.cumsum(used) <= FEW_SATELLITES)
+    names = ["ephemeris", "reissued", "orbit", "host_time", "repeat"]
+    names += ["cn0"] * (len(_pair_of(turn, _heard(turn))) == 2) + ["loss"] * (len(_pair_of(turn, _tracking(turn))) == 2)
+    return [Shadow("data", sound, few), *(Shadow(name, sound, used) for name in names)]
+
+
+def _standing_off(turn: Turn, limits: Limits) -> ReceiverMemory:
+    """A past in which one receiver has stood off for hours, up to one step before the epoch, and all else was right."""
+    n, steps = len(turn.triangle.names), turn.faults.slow_steps
+    epoch_ns = int(turn.sight.block.epoch_ns[turn.e]) - SLOW_STEP_NS * np.arange(steps, 0, -1)
+    e_enu_m = np.zeros((steps, n, 3))
+    e_enu_m[:, turn.receiver], _ = slow_shift_m(turn)
+    memory = ReceiverMemory.empty(n)
+    after, _ = slow.advance(memory.slow, epoch_ns, e_enu_m, np.tile(turn.full.var.differential[turn.e], (steps, 1)), limits.slow)
+    return memory._replace(slow=after)
+
+
+def _late(turn: Turn, heard: Heard, row: dict[str, int], epoch: AlignedEpoch, site: SiteConfig) -> Heard:
+    """What came with the copies: with that for host time, a tick of an hour that cannot be."""
+    n, e = len(row), turn.e
+    host_s = np.repeat(heard.host_s[e : e + 1], n)
+    tick = epoch.tick
+    if tick is not None and tick.utc_uncertainty_ns is not None:
+        later = replace(tick, utc_ns=tick.utc_ns + round(HOST_TIME_S * NS_PER_S) + 2 * tick.utc_uncertainty_ns)
+        at_ns = turn.sight.block.epoch_ns[e : e + 1]
+        host_s[row["host_time"]] = heard_with([replace(epoch, tick=later)], at_ns, site.receiver_names, site.host_clock).host_s[0]
+    return Heard(np.repeat(heard.gain[e : e + 1], n, axis=0), host_s)
+
+
+def _pair_of(turn: Turn, receivers: Bools) -> list[int]:
+    """Two of some receivers (R,), of three in turn; fewer where there are not two."""
+    several = np.flatnonzero(receivers).tolist()
+    return [r for r in several if r != turn.receiver] if len(several) > 2 else several
+
+
+def _heard(turn: Turn) -> Bools:
+    """Receivers (R,) that say something of C/N0."""
+    said = np.isfinite(turn.sight.heard.cn0_dbhz[turn.e])
+    found: Bools = np.any(said, axis=-1)
+    return found
+
+
+def _tracking(turn: Turn) -> Bools:
+    """Receivers (R,) with enough high signals in some band to lose them."""
+    seen = np.isfinite(turn.sight.heard.pseudorange_m[turn.e]) & turn.sight.heard_high[turn.e]
+    enough = np.array([seen[:, band].sum(axis=-1) >= LEAST_SIGNALS for band in turn.sight.bands])
+    found: Bools = np.logical_or.reduce(enough, axis=0)
+    return found
+
+
+def _disturbed(turn: Turn, streams: StreamStatistics, row: dict[str, int], limits: Limits) -> StreamStatistics:
+    """What streams show that are sound at first, then weak at two receivers and repeated by one, then lost at two: of the copies."""
+    e, heard = turn.e, turn.sight.heard
+    block = _repeated_block(heard, e, 3)
+    rho, cn0 = np.array(block.pseudorange_m), np.array(block.cn0_dbhz)
+    rho[1, list(turn.others)] += 1.0
+    cn0[1, _pair_of(turn, _heard(turn))] -= CN0_DROP_DB
+    high = turn.sight.heard_high[e]
+    for r in _pair_of(turn, _tracking(turn)):
+        for band in turn.sight.bands:
+            columns = np.arange(len(heard.signals))[band]
+            tracked = columns[(np.isfinite(rho[2, r]) & high[r])[band]]
+            rho[2, r, [s for i, s in enumerate(tracked.tolist()) if i % KEEP_EACH != KEEP_EACH - 1]] = nan
+    later = replace(block, epoch_ns=block.epoch_ns + np.arange(3) * NS_PER_S, pseudorange_m=rho, cn0_dbhz=cn0)
+    empty = StreamMemory.empty(len(turn.triangle.names))
+    _, shown = advance(empty, later, np.repeat(high[None], 3, axis=0), turn.sight.bands, limits)
+    found = StreamStatistics(*(np.array([of[e]] * len(row)) for of in streams))
+    found.repeating[row["repeat"]] = shown.repeating[1]
+    if "cn0" in row:
+        found.cn0_drop_db[row["cn0"]] = shown.cn0_drop_db[1]
+    if "loss" in row:
+        found.lost_share[row["loss"]] = shown.lost_share[2]
+    return found
+
+
+def _false_sets(turn: Turn, watched: tuple[Watched, ...], row: dict[str, int], limits: Limits) -> tuple[Watched, ...]:
+    """What is watched of satellites, in the copies: where sets are at stake, after one satellite's has been followed by a set that puts it
+    elsewhere, another's by one that differs in its last bit under the same issue, a third one's by one that its system does not fly."""
+    e = turn.e
+    usable = np.flatnonzero(turn.full.used[e]).tolist()
+    displaced, altered, astray = columns = [turn.among(usable, more) for more in range(3)]
+    before, after = false_sets(turn, columns)
+    table = {eph.satellite: navigation.Served(eph.satellite, eph, eph, nan, nan, nan, nan, 0.0) for eph in before}
+    sets = Ephemerides(after)
+    _, shown = navigation.advance(
+        table,
+        [eph.satellite for eph in sets],
+        sets,
+        np.array([[0, 1, 2]]),
+        turn.sight.block.epoch_ns[e : e + 1],
+        turn.triangle.pos_ecef_m.mean(axis=0),
+        limits["ephemeris"],
+        limits["orbit"],
+    )
+    found = {
+        "ephemeris": (displaced, shown.change[0, 0]),
+        "reissued": (altered, shown.reissued_m[0, 1]),
+        "orbit": (astray, shown.orbit[0, 2]),
+    }
+    copies = []
+    for one in watched:
+        statistic = np.repeat(one.statistic[e : e + 1], len(row), axis=0)
+        if one.check in found:
+            column, value = found[one.check]
+            statistic[row[one.check], column] = value
+        copies.append(one._replace(statistic=statistic))
+    return tuple(copies)
+
+
+def _copies(sight: Sight, e: int, more_m: Floats) -> Sight:
+    """Epoch e as often as residuals (n, R, S) are added to its own."""
+    n, sky, at = len(more_m), sight.sky, sight.at_points
+    states, seen = sky.states, sky.expected
+    residual_m = at.residual_m[e] + more_m
+    los_enu = np.repeat(at.los_enu[:, e : e + 1], n, axis=1)
+
+    def repeated(of: Any, axis: int = 0) -> Any:
+        return of.take([e] * n, axis=axis)
+
+    states = SatelliteStates(**{f.name: repeated(of := getattr(states, f.name), int(of.ndim == 3)) for f in fields(states)})
+    seen = seen._replace(los_enu=los_enu, **{name: repeated(getattr(seen, name)) for name in seen._fields if name != "los_enu"})
+    copied = replace(
+        sky,
+        states=states,
+        expected=seen,
+        sigma_m=repeated(sky.sigma_m),
+        sigma_differential_m=repeated(sky.sigma_differential_m),
+    )
+    inputs = sight.satellites._replace(
+        prefit_m=residual_m,
+        los_enu=los_enu,
+        sigma_m=copied.sigma_m,
+        sigma_differential_m=copied.sigma_differential_m,
+        screened=repeated(sight.satellites.screened),
+        watched=(),
+    )
+    shown = Prefit(residual_m, los_enu, seen.el_rad, seen.az_rad)
+    return replace(sight, block=_repeated_block(sight.block, e, n), sky=copied, at_points=shown, satellites=inputs)
+
+
+def _repeated_block(block: ObservationBlock, e: int, n: int) -> ObservationBlock:
+    """Epoch e of a block, n times."""
+    alike = ("receivers", "signals", "satellites")
+    arrays: dict[str, Any] = {f.name: np.repeat(getattr(block, f.name)[e : e + 1], n, axis=0) for f in fields(block) if f.name not in alike}
+    return replace(block, **arrays)
