@@ -75,19 +75,21 @@ def silent_families(
     checks = check(copies, geometry, shown, past, points, triangle, site, limits).checks
     asked = (full.checks.outcome[e] != Outcome.NOT_MONITORED) | np.isin(checks.names, OF_CHANGES)
     asked &= ~passed_over(checks.names, site.integrity.rule)
-    return tuple(
-        name
-        for c, name in enumerate(checks.names)
-        if name in row and asked[c] and _is_silent(checks, row[name], c, shadows[row[name]].reaches)
-    )
+    silent = _silent(checks, shadows)
+    return tuple(name for c, name in enumerate(checks.names) if asked[c] and name in silent)
 
 
-def _is_silent(checks: Checks, f: int, c: int, reaches: float) -> bool:
-    """Whether check c does not fail in copy f, by as much as it should; one that looks only where nothing else fails is not asked where
+def _silent(checks: Checks, shadows: list[Shadow]) -> set[str]:
+    """Checks that do not fail in their copies, by as much as they should; one that looks only where nothing else fails is not asked where
     something does."""
-    fails = checks.outcome[f] == Outcome.FAIL
-    seen = fails[c] and checks.statistic[f, c] >= reaches
-    return not seen and not (checks.names[c] in ONLY_ALONE and fails.any())
+    silent = set()
+    for shadow, outcome, statistic in zip(shadows, checks.outcome, checks.statistic, strict=True):
+        fails = outcome == Outcome.FAIL
+        c = checks.names.index(shadow.check)
+        seen = fails[c] and statistic[c] >= shadow.reaches
+        if not seen and not (shadow.check in ONLY_ALONE and fails.any()):
+            silent.add(shadow.check)
+    return silent
 
 
 def _of_the_rest(turn: Turn) -> list[Shadow]:
@@ -210,7 +212,7 @@ def _copies(sight: Sight, e: int, more_m: Floats) -> Sight:
     los_enu = np.repeat(at.los_enu[:, e : e + 1], n, axis=1)
 
     def repeated(of: Any, axis: int = 0) -> Any:
-        return of.take([e] * n, axis=axis)
+        return of.take([e if of.shape[axis] > 1 else 0] * n, axis=axis)  # what is the same in all epochs may stand there once
 
     states = SatelliteStates(**{f.name: repeated(of := getattr(states, f.name), int(of.ndim == 3)) for f in fields(states)})
     seen = seen._replace(los_enu=los_enu, **{name: repeated(getattr(seen, name)) for name in seen._fields if name != "los_enu"})

@@ -42,6 +42,7 @@ from integrity.receiver_watch import ReceiverMemory, heard_with
 from integrity.reception import Reception, ReceptionMemory
 from integrity.satellite_watch import SatelliteMemory, watch_satellites
 from integrity.satellites import SatelliteStatistics
+from integrity.self_test import is_due, silent_families
 from integrity.sight import Sight, Sky, observe, sky_of
 from integrity.states import Cause, State
 from integrity.stream_memory import StreamMemory, StreamStatistics, advance
@@ -65,6 +66,7 @@ class Snapshot:
     health: Health = field(default_factory=Health)
     sequence: int = 0
     monitors: MonitorMemory | None = None  # None: from before the first epoch
+    silent: tuple[str, ...] = ()  # checks that missed the fault of the last self test
 
 
 @dataclass(frozen=True, eq=False)
@@ -77,6 +79,7 @@ class _Decided:
     sight: Sight
     memory: StreamMemory
     satellites: SatelliteMemory
+    around: Surroundings
     streams: StreamStatistics
     walked: Walk
     full: BlockChecks
@@ -124,6 +127,7 @@ class StationMonitor:
         self._satellites = SatelliteMemory({of.satellite: of for of in monitors.navigation})
         self._receivers = ReceiverMemory(monitors.clocks, monitors.slow, monitors.gains)
         self._audit = monitors.audit
+        self._silent = start.silent
         self._last: _Last | None = None
         self._ahead: _Ahead | None = None
 
@@ -175,6 +179,7 @@ class StationMonitor:
             health=self._health,
             sequence=self._sequence,
             monitors=MonitorMemory(tuple(self._satellites.navigation.values()), *self._receivers, self._audit),
+            silent=self._silent,
         )
 
     def _block(self, epochs: Sequence[AlignedEpoch]) -> list[Output]:
@@ -212,7 +217,7 @@ class StationMonitor:
         clean, clean_alone = clean_epochs(full.checks, "full"), clean_epochs(alone.checks, "triangle")
         nobody = np.zeros(full.solution.why.shape, dtype=np.bool_)
         suspected = nobody if clean.all() else suspects(full.triangle.circle_m, full.naming, self.limits)
-        return _Decided(sight, memory, satellites, streams, walked, full, alone, clean, clean_alone, suspected)
+        return _Decided(sight, memory, satellites, around, streams, walked, full, alone, clean, clean_alone, suspected)
 
     def _geometry(self, sky: Sky, used: Bools) -> Geometry:
         """The one that was computed ahead, if it is of these satellites."""
@@ -231,6 +236,7 @@ class StationMonitor:
     def _epoch(self, decided: _Decided, e: int, epoch: AlignedEpoch) -> list[Output]:
         exclusions = tuple(sorted(decided.walked.tables[e].values(), key=lambda x: x.satellite))
         alone = CLEAN if decided.clean_alone[e] else triangle_verdict(decided.alone.checks, e)
+        self._test_itself(decided, e, epoch)
         verdict = alone if self.site.integrity.rule == "triangle" else self._verdict(decided, e, exclusions)
         before, self._health = self._health, after_epoch(self._health, verdict, epoch.epoch_ns, self.limits)
         full = decided.full
@@ -278,14 +284,23 @@ class StationMonitor:
             *audit.accusations(self._audit, self._audited),
         )
 
+    def _test_itself(self, decided: _Decided, e: int, epoch: AlignedEpoch) -> None:
+        """Once a minute, in a sound epoch: which checks miss a fault that they should see, in a copy of the epoch."""
+        if decided.clean[e] and is_due(epoch.epoch_ns, self.site.epoch_interval_ns):
+            site = (self._points, self.triangle, self.site, self.limits)
+            self._silent = silent_families(decided.sight, decided.full, decided.around, epoch, e, *site)
+
     def _verdict(self, decided: _Decided, e: int, exclusions: tuple[Exclusion, ...]) -> Verdict:
         full, limits = decided.full, self.limits
         gps_ns, e_enu_m = int(decided.sight.block.epoch_ns[e]), full.solution.e_enu_m[e]
         last = self._last_clean
         if decided.clean[e]:
             self._last_clean = LastClean(gps_ns, e_enu_m)
-            if not exclusions:
+            if not exclusions and not self._silent:
                 return CLEAN
+        if self._silent:
+            why = f"self test: {', '.join(self._silent)} missed a fault put into a copy of the epoch"
+            return Verdict(State.NOT_CONFIRMABLE, Cause.SELF_TEST, reasons=(why,))
         evidence = Evidence(
             receivers=self.site.receiver_names,
             repeating=decided.streams.repeating[e],

@@ -100,7 +100,7 @@ def replayable(contents: Contents, site: SiteFile | None = None, start_ns: int |
     except DecodeError as error:
         raise RecordingError(f"{contents.path}: {error}; expected what a Wayside wrote: record or import it again") from None
     if snapshot is not None and chosen.config.config_sha256 != own.config.config_sha256:
-        snapshot = replace(snapshot, exclusions=(), last_clean=None, health=Health(), monitors=None)
+        snapshot = replace(snapshot, exclusions=(), last_clean=None, health=Health(), monitors=None, silent=())
     boot_id = started(contents).boot_id
     return Replayable(chosen, snapshot, events, Boot(boot_id, _offset_ns(contents)) if boot_id else None)
 

@@ -1,7 +1,7 @@
 """What is remembered of carriers, to a message and back, to the last bit: a part of a snapshot.
 
-Decoding refuses what cannot have been remembered: arrays of other lengths, numbers beyond measure, times after the last epoch, sets that are
-no orbit of their satellite. So what was decoded never breaks a monitor that goes on from it.
+Decoding refuses what cannot have been remembered: arrays of other lengths, numbers beyond measure, times after the last epoch, sets that
+are no orbit of their satellite. So what was decoded never breaks a monitor that goes on from it.
 """
 
 from collections.abc import Sequence
@@ -22,6 +22,7 @@ from integrity.monitors.divergence import DivergenceMemory
 
 LONGEST_TRACKING_EPOCHS = 2**40
 NONE = -1
+MOST = 1e3 * BEYOND_MEASURE  # differences and sums of what is measured, at most
 
 
 def encode_carriers(memory: CarrierMemory) -> pb.CarrierMemory:
@@ -40,7 +41,6 @@ def encode_carriers(memory: CarrierMemory) -> pb.CarrierMemory:
         residual_m=motion.residual_m.ravel().tolist(),
         half_m=motion.half_m.ravel().tolist(),
         motion_age=motion.age.ravel().tolist(),
-        jumps_m=motion.jumps_m.tolist(),
         code_minus_carrier_m=apart.code_minus_carrier_m.ravel().tolist(),
         innovation_m=apart.innovation_m.ravel().tolist(),
         rate_mps=apart.rate_mps.ravel().tolist(),
@@ -73,7 +73,6 @@ def decode_carriers(message: pb.CarrierMemory, n_receivers: int, half_epochs: in
         _numbers("residuals of carriers", message.residual_m, of_half),
         _numbers("changes of carriers", message.half_m, of_half),
         _integers("ages of carriers", message.motion_age, now, half_epochs),
-        _known("jumps of ephemerides", _numbers("jumps of ephemerides", message.jumps_m, now[1:])),
     )
     apart = DivergenceMemory(
         signals,
@@ -117,12 +116,12 @@ def _integers(what: str, values: Sequence[int], shape: tuple[int, ...], most: in
 
 
 def _numbers(what: str, values: Sequence[float], shape: tuple[int, ...]) -> Floats:
-    """Not beyond measure, or NaN."""
+    """At most `MOST`, or NaN."""
     _expect(what, len(values), prod(shape))
     array = np.array(values, dtype=np.float64).reshape(shape)
-    wrong = np.abs(array) > BEYOND_MEASURE
+    wrong = np.abs(array) > MOST
     if wrong.any():
-        raise DecodeError(f"snapshot: {what}: {array[wrong][0]:g}, expected at most {BEYOND_MEASURE:g}, or NaN")
+        raise DecodeError(f"snapshot: {what}: {array[wrong][0]:g}, expected at most {MOST:g}, or NaN")
     return array
 
 

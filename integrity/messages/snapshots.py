@@ -64,6 +64,7 @@ def encode_snapshot(snapshot: Snapshot, receivers: tuple[str, ...], mono_ns: int
         last_rows=[encode_row(row, 0) for row in assembler.last_rows],
         monitors=None if snapshot.monitors is None else encode_monitors(snapshot.monitors),
         tick=encode_tick(assembler.tick),
+        silent=snapshot.silent,
     )
 
 
@@ -117,6 +118,7 @@ def decode_snapshot(message: pb.Snapshot) -> Snapshot:
         health=health,
         sequence=message.sequence,
         monitors=decode_monitors(message.monitors, n, assembler.last_epoch_ns) if message.HasField("monitors") else None,
+        silent=tuple(message.silent),
     )
 
 

@@ -111,14 +111,13 @@ class AuditMemory(_message.Message):
     def __init__(self, ledgers: _Optional[_Iterable[_Union[AuditLedger, _Mapping]]] = ..., due_ns: _Optional[int] = ...) -> None: ...
 
 class CarrierMemory(_message.Message):
-    __slots__ = ["age", "code_minus_carrier_m", "epoch_ns", "half_cycle", "half_m", "innovation_m", "jumps_m", "lock_s", "motion_age", "rate_mps", "receive_time_ns", "residual_m", "served_by", "serving", "signal", "since_ns"]
+    __slots__ = ["age", "code_minus_carrier_m", "epoch_ns", "half_cycle", "half_m", "innovation_m", "lock_s", "motion_age", "rate_mps", "receive_time_ns", "residual_m", "served_by", "serving", "signal", "since_ns"]
     AGE_FIELD_NUMBER: _ClassVar[int]
     CODE_MINUS_CARRIER_M_FIELD_NUMBER: _ClassVar[int]
     EPOCH_NS_FIELD_NUMBER: _ClassVar[int]
     HALF_CYCLE_FIELD_NUMBER: _ClassVar[int]
     HALF_M_FIELD_NUMBER: _ClassVar[int]
     INNOVATION_M_FIELD_NUMBER: _ClassVar[int]
-    JUMPS_M_FIELD_NUMBER: _ClassVar[int]
     LOCK_S_FIELD_NUMBER: _ClassVar[int]
     MOTION_AGE_FIELD_NUMBER: _ClassVar[int]
     RATE_MPS_FIELD_NUMBER: _ClassVar[int]
@@ -134,7 +133,6 @@ class CarrierMemory(_message.Message):
     half_cycle: _containers.RepeatedScalarFieldContainer[bool]
     half_m: _containers.RepeatedScalarFieldContainer[float]
     innovation_m: _containers.RepeatedScalarFieldContainer[float]
-    jumps_m: _containers.RepeatedScalarFieldContainer[float]
     lock_s: _containers.RepeatedScalarFieldContainer[float]
     motion_age: _containers.RepeatedScalarFieldContainer[int]
     rate_mps: _containers.RepeatedScalarFieldContainer[float]
@@ -144,7 +142,7 @@ class CarrierMemory(_message.Message):
     serving: _containers.RepeatedCompositeFieldContainer[Ephemeris]
     signal: _containers.RepeatedScalarFieldContainer[str]
     since_ns: _containers.RepeatedScalarFieldContainer[int]
-    def __init__(self, signal: _Optional[_Iterable[str]] = ..., serving: _Optional[_Iterable[_Union[Ephemeris, _Mapping]]] = ..., served_by: _Optional[_Iterable[int]] = ..., receive_time_ns: _Optional[_Iterable[int]] = ..., lock_s: _Optional[_Iterable[float]] = ..., half_cycle: _Optional[_Iterable[bool]] = ..., epoch_ns: _Optional[_Iterable[int]] = ..., residual_m: _Optional[_Iterable[float]] = ..., half_m: _Optional[_Iterable[float]] = ..., motion_age: _Optional[_Iterable[int]] = ..., jumps_m: _Optional[_Iterable[float]] = ..., code_minus_carrier_m: _Optional[_Iterable[float]] = ..., innovation_m: _Optional[_Iterable[float]] = ..., rate_mps: _Optional[_Iterable[float]] = ..., age: _Optional[_Iterable[int]] = ..., since_ns: _Optional[_Iterable[int]] = ...) -> None: ...
+    def __init__(self, signal: _Optional[_Iterable[str]] = ..., serving: _Optional[_Iterable[_Union[Ephemeris, _Mapping]]] = ..., served_by: _Optional[_Iterable[int]] = ..., receive_time_ns: _Optional[_Iterable[int]] = ..., lock_s: _Optional[_Iterable[float]] = ..., half_cycle: _Optional[_Iterable[bool]] = ..., epoch_ns: _Optional[_Iterable[int]] = ..., residual_m: _Optional[_Iterable[float]] = ..., half_m: _Optional[_Iterable[float]] = ..., motion_age: _Optional[_Iterable[int]] = ..., code_minus_carrier_m: _Optional[_Iterable[float]] = ..., innovation_m: _Optional[_Iterable[float]] = ..., rate_mps: _Optional[_Iterable[float]] = ..., age: _Optional[_Iterable[int]] = ..., since_ns: _Optional[_Iterable[int]] = ...) -> None: ...
 
 class ChallengeAnswered(_message.Message):
     __slots__ = ["data", "error", "mono_ns", "nonce", "site"]
@@ -783,7 +781,7 @@ class SlowMemory(_message.Message):
     def __init__(self, epoch_ns: _Optional[int] = ..., u: _Optional[_Iterable[float]] = ..., cusum: _Optional[_Iterable[float]] = ...) -> None: ...
 
 class Snapshot(_message.Message):
-    __slots__ = ["aligned_ns", "cause", "clean_epochs", "clean_since_ns", "dropped", "ephemerides", "exclusions", "heard_ns", "ionosphere", "last_clean", "last_epoch_ns", "last_rows", "monitors", "mono_ns", "pending", "receiver", "reception", "refused_ephemerides", "sequence", "signal", "silence_told", "started", "state", "status", "streams", "streams_epoch_ns", "subjects", "tick"]
+    __slots__ = ["aligned_ns", "cause", "clean_epochs", "clean_since_ns", "dropped", "ephemerides", "exclusions", "heard_ns", "ionosphere", "last_clean", "last_epoch_ns", "last_rows", "monitors", "mono_ns", "pending", "receiver", "reception", "refused_ephemerides", "sequence", "signal", "silence_told", "silent", "started", "state", "status", "streams", "streams_epoch_ns", "subjects", "tick"]
     class DroppedEntry(_message.Message):
         __slots__ = ["key", "value"]
         KEY_FIELD_NUMBER: _ClassVar[int]
@@ -826,6 +824,7 @@ class Snapshot(_message.Message):
     SEQUENCE_FIELD_NUMBER: _ClassVar[int]
     SIGNAL_FIELD_NUMBER: _ClassVar[int]
     SILENCE_TOLD_FIELD_NUMBER: _ClassVar[int]
+    SILENT_FIELD_NUMBER: _ClassVar[int]
     STARTED_FIELD_NUMBER: _ClassVar[int]
     STATE_FIELD_NUMBER: _ClassVar[int]
     STATUS_FIELD_NUMBER: _ClassVar[int]
@@ -854,6 +853,7 @@ class Snapshot(_message.Message):
     sequence: int
     signal: _containers.RepeatedScalarFieldContainer[str]
     silence_told: bool
+    silent: _containers.RepeatedScalarFieldContainer[str]
     started: bool
     state: State
     status: _containers.MessageMap[str, ReceiverStatus]
@@ -861,7 +861,7 @@ class Snapshot(_message.Message):
     streams_epoch_ns: int
     subjects: _containers.RepeatedScalarFieldContainer[str]
     tick: Tick
-    def __init__(self, mono_ns: _Optional[int] = ..., receiver: _Optional[_Iterable[str]] = ..., signal: _Optional[_Iterable[str]] = ..., streams_epoch_ns: _Optional[int] = ..., streams: _Optional[_Iterable[_Union[StreamMemory, _Mapping]]] = ..., pending: _Optional[_Iterable[_Union[PendingEpoch, _Mapping]]] = ..., last_epoch_ns: _Optional[int] = ..., heard_ns: _Optional[_Mapping[str, int]] = ..., aligned_ns: _Optional[int] = ..., dropped: _Optional[_Mapping[str, int]] = ..., refused_ephemerides: _Optional[int] = ..., ionosphere: _Optional[_Union[Ionosphere, _Mapping]] = ..., ephemerides: _Optional[_Iterable[_Union[Ephemeris, _Mapping]]] = ..., exclusions: _Optional[_Iterable[_Union[Exclusion, _Mapping]]] = ..., state: _Optional[_Union[State, str]] = ..., cause: _Optional[_Union[Cause, str]] = ..., subjects: _Optional[_Iterable[str]] = ..., clean_since_ns: _Optional[int] = ..., clean_epochs: _Optional[int] = ..., sequence: _Optional[int] = ..., last_clean: _Optional[_Union[LastClean, _Mapping]] = ..., silence_told: bool = ..., reception: _Optional[_Iterable[_Union[ReceptionMemory, _Mapping]]] = ..., status: _Optional[_Mapping[str, ReceiverStatus]] = ..., last_rows: _Optional[_Iterable[_Union[Observations, _Mapping]]] = ..., started: bool = ..., monitors: _Optional[_Union[MonitorMemory, _Mapping]] = ..., tick: _Optional[_Union[Tick, _Mapping]] = ...) -> None: ...
+    def __init__(self, mono_ns: _Optional[int] = ..., receiver: _Optional[_Iterable[str]] = ..., signal: _Optional[_Iterable[str]] = ..., streams_epoch_ns: _Optional[int] = ..., streams: _Optional[_Iterable[_Union[StreamMemory, _Mapping]]] = ..., pending: _Optional[_Iterable[_Union[PendingEpoch, _Mapping]]] = ..., last_epoch_ns: _Optional[int] = ..., heard_ns: _Optional[_Mapping[str, int]] = ..., aligned_ns: _Optional[int] = ..., dropped: _Optional[_Mapping[str, int]] = ..., refused_ephemerides: _Optional[int] = ..., ionosphere: _Optional[_Union[Ionosphere, _Mapping]] = ..., ephemerides: _Optional[_Iterable[_Union[Ephemeris, _Mapping]]] = ..., exclusions: _Optional[_Iterable[_Union[Exclusion, _Mapping]]] = ..., state: _Optional[_Union[State, str]] = ..., cause: _Optional[_Union[Cause, str]] = ..., subjects: _Optional[_Iterable[str]] = ..., clean_since_ns: _Optional[int] = ..., clean_epochs: _Optional[int] = ..., sequence: _Optional[int] = ..., last_clean: _Optional[_Union[LastClean, _Mapping]] = ..., silence_told: bool = ..., reception: _Optional[_Iterable[_Union[ReceptionMemory, _Mapping]]] = ..., status: _Optional[_Mapping[str, ReceiverStatus]] = ..., last_rows: _Optional[_Iterable[_Union[Observations, _Mapping]]] = ..., started: bool = ..., monitors: _Optional[_Union[MonitorMemory, _Mapping]] = ..., tick: _Optional[_Union[Tick, _Mapping]] = ..., silent: _Optional[_Iterable[str]] = ...) -> None: ...
 
 class Started(_message.Message):
     __slots__ = ["boot_id", "config_sha256", "gps_time_ns", "mono_ns", "site", "site_toml", "software"]
