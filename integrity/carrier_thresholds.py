@@ -39,6 +39,7 @@ LONGEST_S = 65.0  # two epochs of 30 s and what their times may differ
 WINDOW_S, WARM_UP_S = 100.0, 200.0  # of divergence
 LOCK_SHARE = 0.5  # lock times of MSM are a lower bound, at most twice too short: RTCM 10403.3, DF402, DF407
 CORRELATION_S = {"step": 0.0, "ramp": 30.0, "acceleration": 15.0, "innovation": 30.0, "divergence": 60.0}
+RETURN_S = 3600.0  # of a satellite that moved: how long nothing must be found of it
 REFERENCE_CN0_DBHZ = 45.0
 NOISE_OF_PAIR = 3.0  # GPS L1 and L2: `combination.weights_of`
 DIVERGENCE = DivergenceDesign(WINDOW_S, WARM_UP_S, LONGEST_S, ERRORS.code_correlation_s)
@@ -71,6 +72,16 @@ def motion_design(interval_s: float) -> MotionDesign:
 def carrier_design(interval_s: float, thresholds: Mapping[str, float]) -> CarrierDesign:
     """For epochs so far apart, and thresholds by check."""
     return CarrierDesign(ERRORS, motion_design(interval_s), DIVERGENCE, LOCK_SHARE, {name: thresholds[name] for name in CARRIER_CHECKS})
+
+
+def clean_for_s(check: str, recover_after_s: float) -> float:
+    """How long a satellite that a check excluded must be clean before it comes back.
+
+    One that stepped looks clean at once, though its range stays wrong by what it moved. In an hour its residual has been looked at from
+    many sides, and mostly another set serves, whose change against the old one is checked; what may remain is too small for the residual,
+    like any other error of a satellite that is used.
+    """
+    return max(RETURN_S, recover_after_s) if check in MOTION_CHECKS else recover_after_s
 
 
 def carrier_thresholds(of: Promises) -> list[Threshold]:

@@ -110,7 +110,8 @@ def _ephemeris_jumps(
     """By how much a set that begins to serve moves expected ranges against the one before, m (E, S), NaN where there is none, 0 elsewhere;
     and the sets that serve in the last epoch. `before` are those of the epoch before the first."""
     jump_m, sets, index = np.zeros(sky.index.shape), sky.ephemerides, sky.index
-    first, last = (_sets_at(sets, index[e]) for e in (0, -1))
+    first = _sets_at(sets, index[0])
+    last = first if len(index) == 1 else _sets_at(sets, index[-1])
     changed: dict[int, dict[int, Ephemeris | None]] = {}  # by epoch and column, the set before
     if any(old is not new for old, new in zip(before, first, strict=True)):
         changed[0] = {s: old for s, (old, new) in enumerate(zip(before, first, strict=True)) if old is not new}

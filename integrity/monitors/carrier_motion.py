@@ -57,15 +57,14 @@ class MotionDesign(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class MotionMemory:
-    """Times of the last 2h epochs (2H,); residuals and changes over h of the last h (H, R, S), NaN where there is none; of the last one
-    for how many epochs each signal has continued, at most h (R, S), and the sum of all jumps so far (S,)."""
+    """Times of the last 2h epochs (2H,); of the last h (H, R, S) residuals by the sets that served last, and changes over h, NaN where
+    there is none; for how many epochs each signal has continued, at most h (R, S)."""
 
     signals: tuple[str, ...]
     epoch_ns: Ints
     residual_m: Floats
     half_m: Floats
     age: Ints
-    jumps_m: Floats
 
     def __post_init__(self) -> None:
         freeze(self)
@@ -75,7 +74,7 @@ class MotionMemory:
         """Before the first epoch."""
         past = np.zeros((half_epochs, n_receivers, 0))
         age = np.zeros((n_receivers, 0), dtype=np.int64)
-        return MotionMemory((), np.zeros(2 * half_epochs, dtype=np.int64), past, past, age, np.zeros(0))
+        return MotionMemory((), np.zeros(2 * half_epochs, dtype=np.int64), past, past, age)
 
     def on(self, signals: tuple[str, ...]) -> "MotionMemory":
         """The same memory for another list of signals: new ones have no past, those not listed are forgotten."""
@@ -90,7 +89,6 @@ class MotionMemory:
             np.concatenate((self.residual_m, unknown), axis=-1)[..., source],
             np.concatenate((self.half_m, unknown), axis=-1)[..., source],
             np.concatenate((self.age, np.zeros((len(self.age), 1), dtype=np.int64)), axis=-1)[..., source],
-            np.append(self.jumps_m, 0.0)[source],
         )
 
 
@@ -105,36 +103,40 @@ class MotionStatistics(NamedTuple):
     @property
     def step(self) -> Floats:
         """(E, R, S), in sigmas."""
-        return self.sigmas[0]
+        result: Floats = self.sigmas[0]
+        return result
 
     @property
     def ramp(self) -> Floats:
         """(E, R, S), in sigmas."""
-        return self.sigmas[1]
+        result: Floats = self.sigmas[1]
+        return result
 
     @property
     def acceleration(self) -> Floats:
         """(E, R, S), in sigmas."""
-        return self.sigmas[2]
+        result: Floats = self.sigmas[2]
+        return result
 
 
 def advance(memory: MotionMemory, inputs: MotionInputs, design: MotionDesign) -> tuple[MotionMemory, MotionStatistics]:
     """The memory after a block, and how its satellites move; epochs increase."""
     before, h = memory.on(inputs.signals), design.half_epochs
-    jumped_m, jumps_m = _by_one_ephemeris(before, inputs)
-    residual_m = np.concatenate((before.residual_m, jumped_m))  # (H + E, R, S)
+    residual_m = np.concatenate((before.residual_m, inputs.residual_m))  # (H + E, R, S)
     epoch_ns = np.concatenate((before.epoch_ns, inputs.epoch_ns))  # (2H + E,)
     dt_s, half_s, window_s = (_since(epoch_ns, 2 * h, back) for back in (1, h, 2 * h))
     continues = inputs.continues & (np.isfinite(inputs.jump_m)[:, None] & (dt_s <= design.longest_gap_s))
 
-    moved_m = np.empty((2, *inputs.residual_m.shape))  # since the epoch before, and over h
-    np.subtract(residual_m[h:], residual_m[h - 1 : -1], out=moved_m[0])
+    moved_m, moved_m2 = np.empty((2, *inputs.residual_m.shape)), np.empty((2, len(dt_s), 1, len(inputs.signals)))
+    np.subtract(residual_m[h:], residual_m[h - 1 : -1], out=moved_m[0])  # since the epoch before
+    np.subtract(residual_m[h:], residual_m[:-h], out=moved_m[1])  # over half a window
+    if inputs.jump_m.any():
+        _by_new_sets(inputs.jump_m, residual_m, moved_m, h)
     goes_on = continues & np.isfinite(moved_m[0])
     age = ages(goes_on, before.age)
-    np.subtract(residual_m[h:], residual_m[:-h], out=moved_m[1])
     np.copyto(moved_m[0], np.nan, where=~goes_on)
     np.copyto(moved_m[1], np.nan, where=(age < h) | (half_s > design.longest_half_s))
-    moved_m2 = np.stack((change_m2(inputs.nature, dt_s, design), change_m2(inputs.nature, half_s, design)))
+    moved_m2[0], moved_m2[1] = change_m2(inputs.nature, dt_s, design), change_m2(inputs.nature, half_s, design)
     (step_m, half_m), (step_m2, half_m2) = without_clocks(moved_m, moved_m2, inputs.system_of)
     far = np.abs(step_m) > MOST_APART_M  # is told once, and another arc begins
     if far.any():
@@ -145,9 +147,11 @@ def advance(memory: MotionMemory, inputs: MotionInputs, design: MotionDesign) ->
     halves_m = np.concatenate((before.half_m, half_m))
 
     of_clocks = half_m2 / moved_m2[1]  # 1 but for what is away from the others
-    window_m2, swing_m2 = change_m2(inputs.nature, window_s, design), bend_m2(inputs.nature, half_s, design)
-    sigma = np.sqrt(np.stack((step_m2, of_clocks * window_m2, of_clocks * swing_m2)))
-    shown = np.empty((3, *step_m.shape))
+    sigma, shown = np.empty((3, *half_m2.shape)), np.empty((3, *step_m.shape))
+    sigma[0] = step_m2
+    np.multiply(of_clocks, change_m2(inputs.nature, window_s, design), out=sigma[1])
+    np.multiply(of_clocks, bend_m2(inputs.nature, half_s, design), out=sigma[2])
+    np.sqrt(sigma, out=sigma)
     shown[0] = step_m
     np.add(half_m, halves_m[:-h], out=shown[1])
     np.subtract(half_m, halves_m[:-h], out=shown[2])
@@ -159,25 +163,21 @@ def advance(memory: MotionMemory, inputs: MotionInputs, design: MotionDesign) ->
         residual_m[last].copy(),
         halves_m[last].copy(),
         np.minimum(age[-1], h),
-        jumps_m,
     )
     return after, MotionStatistics(shown, sigma, half_s)
 
 
-def _by_one_ephemeris(before: MotionMemory, inputs: MotionInputs) -> tuple[Floats, Floats]:
-    """Residuals (E, R, S) as if the set that served when a satellite was first measured still did, and the sum of its jumps after the
-    block (S,); where no receiver measures it, it begins anew."""
-    moved = np.flatnonzero((before.jumps_m != 0.0) | (inputs.jump_m != 0.0).any(axis=0))
-    if not len(moved):
-        return inputs.residual_m, before.jumps_m
-    residual_m, jumps_m = inputs.residual_m.copy(), before.jumps_m.copy()
-    for s in moved:
-        seen = np.isfinite(inputs.residual_m[:, :, s]).any(axis=1)
-        for e in range(len(seen)):
-            jump_m = inputs.jump_m[e, s]
-            jumps_m[s] = jumps_m[s] + jump_m if seen[e] and np.isfinite(jump_m) else 0.0
-            residual_m[e, :, s] += jumps_m[s]
-    return residual_m, jumps_m
+def _by_new_sets(jump_m: Floats, residual_m: Floats, moved_m: Floats, h: int) -> None:
+    """Puts right what moved (2, E, R, S) where sets changed, and leaves residuals (H + E, R, S) as if the sets that serve last had served
+    before: what was expected by them is more by the jump, what was left is less. Jump after jump, as it would be epoch by epoch."""
+    for s in np.flatnonzero(np.nan_to_num(jump_m).any(axis=0)):
+        now_m = residual_m[h:, :, s].copy()
+        last_m, half_ago_m = residual_m[h - 1 : -1, :, s].copy(), residual_m[:-h, :, s].copy()
+        for e in np.flatnonzero(np.nan_to_num(jump_m[:, s])).tolist():
+            last_m[e] -= jump_m[e, s]
+            half_ago_m[e : e + h] -= jump_m[e, s]
+            residual_m[: h + e, :, s] -= jump_m[e, s]
+        moved_m[0, ..., s], moved_m[1, ..., s] = now_m - last_m, now_m - half_ago_m
 
 
 def change_m2(nature: Nature, dt_s: Floats, design: MotionDesign) -> Floats:

@@ -138,16 +138,17 @@ class TrackingMemory:
 
 
 def continuing(memory: TrackingMemory, block: ObservationBlock, lock_share: float) -> tuple[TrackingMemory, Bools]:
-    """The memory after a block, and where signals that were measured in an epoch and in the one before it continue as far as the receiver
-    itself says, (E, R, S): not flagged, tracked for no less than before and for at least `lock_share` of the time since, half cycle as it was.
+    """The memory after a block, and where signals that were measured in an epoch and in the one before continue as far as the receiver
+    says, (E, R, S): not flagged, tracked for no less than before and for at least `lock_share` of the time since, half cycle as it was.
 
     A satellite that steps looks like a slip to all receivers: what Doppler or another frequency makes of it (`find_slips`) is just what is
     monitored here. A slip at one receiver alone is never blamed on the satellite.
     """
     before = memory.on(block.signals)
-    lock_s, half_cycle = (np.concatenate((a[None], b)) for a, b in ((before.lock_s, block.lock_s), (before.half_cycle, block.half_cycle)))
-    dt_s = np.diff(block.receive_time_ns, axis=0, prepend=before.receive_time_ns[None])[..., None] / NS_PER_S
-    broken = (block.lock_s < lock_s[:-1]) | (block.lock_s < lock_share * dt_s) | (half_cycle[1:] != half_cycle[:-1]) | block.slip
+    lock_s = np.concatenate((before.lock_s[None], block.lock_s[:-1]))
+    half_cycle = np.concatenate((before.half_cycle[None], block.half_cycle[:-1]))
+    dt_s = (block.receive_time_ns - np.concatenate((before.receive_time_ns[None], block.receive_time_ns[:-1])))[..., None] / NS_PER_S
+    broken = (block.lock_s < np.fmax(lock_s, lock_share * dt_s)) | (half_cycle != block.half_cycle) | block.slip
     after = TrackingMemory(block.signals, block.receive_time_ns[-1].copy(), block.lock_s[-1].copy(), block.half_cycle[-1].copy())
     return after, ~broken & (dt_s > 0.0)
 
@@ -181,18 +182,17 @@ def without_clocks(change_m: Floats, variance_m2: Floats, system_of: Ints) -> Ch
     that signals which are not seen change no bit.
     """
     groups, place = _constellations(system_of.tobytes())
-    n_signals = len(place)
-    by_signal = change_m.reshape(-1, n_signals).T.copy()  # (S, N): sums over rows are made one by one, and fast
-    weight = np.broadcast_to(1.0 / variance_m2, change_m.shape).reshape(-1, n_signals).T
-    known = np.isfinite(by_signal)
-    weight, weighted_m = (
-        (weight.copy(), by_signal * weight) if known.all() else (w := np.where(known, weight, 0.0), np.where(known, by_signal, 0.0) * w)
-    )
-    mean_m = np.empty((by_signal.shape[1], len(groups)))
+    known = np.isfinite(change_m)
+    terms = np.empty((3, *change_m.shape))  # weights, weighted changes, counts
+    terms[0] = np.where(known, 1.0 / variance_m2, 0.0)
+    np.multiply(np.where(known, change_m, 0.0), terms[0], out=terms[1])
+    terms[2] = known
+    by_signal = terms.reshape(-1, len(place)).T.copy()  # (S, 3 N): sums of rows are made one by one, and fast
+    sums = np.empty((len(groups), by_signal.shape[1]))
     for k, columns in enumerate(groups):
-        enough = np.add.reduce(known[columns], axis=0) >= LEAST_FOR_CLOCK
-        total = np.where(enough, np.add.reduce(weight[columns], axis=0), np.nan)
-        mean_m[:, k] = np.add.reduce(weighted_m[columns], axis=0) / total
+        np.add.reduce(by_signal[columns], axis=0, out=sums[k])
+    total, weighted, count = sums.reshape(len(groups), 3, -1).transpose(1, 2, 0)  # (N, L) each
+    mean_m = weighted / np.where(count >= LEAST_FOR_CLOCK, total, np.nan)
     left_m = change_m - mean_m.take(place, axis=-1).reshape(change_m.shape)
     away = left_m * left_m > NEAR_SIGMAS**2 * variance_m2
     return _without_those_away(change_m, left_m, variance_m2, away, groups) if away.any() else Changes(left_m, variance_m2)

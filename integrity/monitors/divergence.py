@@ -105,18 +105,20 @@ class DivergenceStatistics(NamedTuple):
     @property
     def innovation(self) -> Floats:
         """(E, R, S), in sigmas."""
-        return self.sigmas[0]
+        result: Floats = self.sigmas[0]
+        return result
 
     @property
     def divergence(self) -> Floats:
         """(E, R, S), in sigmas."""
-        return self.sigmas[1]
+        result: Floats = self.sigmas[1]
+        return result
 
 
 def advance(memory: DivergenceMemory, inputs: DivergenceInputs, design: DivergenceDesign) -> tuple[DivergenceMemory, DivergenceStatistics]:
     """The memory after a block, and how far code and carrier are apart in it; epochs increase."""
     before, tau_s, c_m = memory.on(inputs.signals), design.window_s, inputs.code_minus_carrier_m
-    dt_s = (np.diff(inputs.epoch_ns, prepend=before.epoch_ns) / NS_PER_S)[:, None, None]
+    dt_s = ((inputs.epoch_ns - np.append(before.epoch_ns, inputs.epoch_ns[:-1])) / NS_PER_S)[:, None, None]
 
     changed_m = np.empty(c_m.shape)
     np.subtract(c_m[:1], before.code_minus_carrier_m, out=changed_m[:1])
@@ -133,7 +135,7 @@ def advance(memory: DivergenceMemory, inputs: DivergenceInputs, design: Divergen
     full = np.maximum(tau_s / dt_s, 1.0)  # epochs in the window
     n = np.minimum(np.maximum(age, 1), full)  # of them so far; 1 where an arc begins
 
-    told = np.empty((2, *c_m.shape))
+    told, told_m2 = np.empty((2, *c_m.shape)), np.empty((2, len(c_m), 1, c_m.shape[-1]))
     told[0] = changed_m
     np.copyto(told[0], 0.0, where=~goes_on)
     _carry_on(before.innovation_m, 1.0 - 1.0 / n, told[0])
@@ -143,7 +145,8 @@ def advance(memory: DivergenceMemory, inputs: DivergenceInputs, design: Divergen
     np.copyto(told[0], np.nan if not far.any() else np.where(far, changed_m, np.nan), where=~goes_on)
     np.copyto(told[1], np.nan, where=since_ns > inputs.epoch_ns[:, None, None] - round(design.warm_up_s * NS_PER_S))
     fewest, most = np.minimum.reduce(n, axis=1, keepdims=True), np.maximum.reduce(n, axis=1, keepdims=True)
-    told_m2 = np.stack((innovation_m2(inputs.nature, 1.0 / fewest, most * dt_s), divergence_m2ps2(inputs.nature, dt_s, design)))
+    told_m2[0] = innovation_m2(inputs.nature, 1.0 / fewest, most * dt_s)
+    told_m2[1] = divergence_m2ps2(inputs.nature, dt_s, design)
     left, left_m2 = without_clocks(told, told_m2, inputs.system_of)
     sigma = np.sqrt(left_m2)
     after = DivergenceMemory(

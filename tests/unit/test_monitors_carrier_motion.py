@@ -8,6 +8,7 @@ from scipy.stats import poisson
 
 from integrity.gnss.observations import Floats
 from integrity.monitors.carrier_motion import MotionInputs, MotionMemory, MotionStatistics, advance
+from integrity.monitors.carrier_residuals import without_clocks
 from integrity.monitors.residuals import seen_by_all
 from integrity.probability import chi2_quantile, gauss_quantile, tail_for_alarm_rate
 from tests.unit.carriers import made, moving, since
@@ -87,6 +88,22 @@ def test_false_alarms_keep_their_promise(name: str, correlation_s: float) -> Non
     above = statistic > threshold
     episodes = int((above[1:] & ~above[:-1]).sum())
     assert 10 <= episodes <= poisson.ppf(0.975, 100.0)
+
+
+AGREEING = {
+    "all": ([1.0, 2.0, 3.0], [-1.0, 0.0, 1.0], [1.0, 1.0, 1.0]),
+    "all but one": ([1.0, 2.0, 3.0, 100.0], [-1.0, 0.0, 1.0, 98.0], [1.0, 1.0, 1.0, 1.0 + 1.0 / 3.0]),
+    "two of three": ([1.0, 2.0, 100.0], [-0.5, 0.5, 98.5], [1.0, 1.0, 1.5]),
+    "two of four": ([1.0, 2.0, 100.0, 150.0], [np.nan] * 4, [1.0] * 4),
+    "two alone": ([1.0, 2.0, np.nan], [np.nan] * 3, [1.0] * 3),
+}
+
+
+@pytest.mark.parametrize(("change_m", "left_m", "variance_m2"), AGREEING.values(), ids=AGREEING)
+def test_the_clock_is_the_mean_of_the_majority_that_agrees(change_m: list[float], left_m: list[float], variance_m2: list[float]) -> None:
+    left = without_clocks(np.array([change_m]), np.ones(len(change_m)), np.zeros(len(change_m), dtype=np.int64))
+    np.testing.assert_allclose(left.change_m[0], left_m, atol=1e-12)
+    np.testing.assert_allclose(np.broadcast_to(left.variance_m2, (1, len(change_m)))[0], variance_m2, atol=1e-12)
 
 
 def test_a_large_step_leaves_the_others_quiet() -> None:
