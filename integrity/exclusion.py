@@ -12,8 +12,9 @@ Theory of operation. A satellite is IN (not in the table) or OUT (one `Exclusion
     OUT, residual or what is watched fails    stays OUT, the count of clean epochs starts again
     OUT, all pass                             stays OUT and is counted clean; comes back IN with the epoch that makes the count
                                               `recover_epochs` over at least `recover_after_ns`
-    IN,  its constellation alone puts the     the whole constellation goes OUT, if no other one fails, enough satellites remain, and what
-         triangle elsewhere                   remains passes. It counts as clean when the constellation passes, all its satellites together
+    IN,  its constellation alone puts the     the whole constellation goes OUT, if no other one fails, its B-values pass, enough satellites
+         triangle elsewhere                   remain, and what remains passes. It counts as clean when the constellation passes, all its
+                                              satellites together
 
 What is watched (`satellites.Watched`) are monitors with memory of one satellite each: its ephemeris, its carrier.
 
@@ -182,10 +183,14 @@ def _rather_of_a_constellation(inputs: SatelliteInputs, used: Bools, failing: Ta
 def _displaced_constellation(
     inputs: SatelliteInputs, used: Bools, satellites: tuple[str, ...], gps_ns: int, limits: Limits
 ) -> dict[str, Exclusion]:
-    """All satellites of the one constellation that puts the triangle elsewhere; nothing unless what remains passes."""
+    """All satellites of the one constellation that puts the triangle elsewhere; nothing unless all receivers see it alike, and what remains
+    passes."""
     where = inputs.displacements(inputs.constellations(used))[0]
     failing = np.flatnonzero(where > limits["constellation"])
     if len(failing) != 1:
+        return {}
+    b = np.abs(inputs.statistics(used).b_sigmas[0][:, used[0] & (inputs.system_of == failing[0])])
+    if not (b <= limits["b_value"]).all():
         return {}
     remaining = used & (inputs.system_of != failing[0])
     shown = inputs.statistics(remaining)

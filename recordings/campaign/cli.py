@@ -47,7 +47,7 @@ def campaign(
     Without recordings the streams are simulated receivers of the site. Where no threat is chosen, also what trials cannot reach: rare
     misses and wrong names, months and years of false alarms. The same seed, the same result, however many processes.
 
-    Example: wayside campaign --jobs 2 --plot campaign.svg --json > campaign.json
+    Example: wayside campaign --jobs 2 --plot campaign.svg
     """
     from integrity.gnss.gps_time import DAY_S, NS_PER_S, parse_utc
     from recordings.campaign.campaign import Plan, Played, Recorded, Simulated, stage_from, tolerance_m

@@ -121,3 +121,11 @@ def test_it_comes_back_once_its_frame_is_right() -> None:
 def test_a_fault_of_one_satellite_is_not_one_of_its_constellation() -> None:
     inputs = frame(1, size=0.0)._replace(prefit_m=with_fault("E02", 60.0))
     assert {s: x.check for s, x in of(inputs).table.items()} == {"E02": "residual"}
+
+
+@pytest.mark.parametrize("receiver", range(3))
+def test_a_constellation_that_one_receiver_measures_differently_is_not_at_fault(receiver: int) -> None:
+    sound, displaced = frame(1, size=0.0), frame(1, size=3.0)
+    prefit_m = np.array(sound.prefit_m)
+    prefit_m[:, receiver] = displaced.prefit_m[:, receiver]
+    assert not of(displaced._replace(prefit_m=prefit_m)).table

@@ -22,7 +22,7 @@ from recordings.replay import decide
 from recordings.site_file import override_site, parse_site
 from recordings.summary import Summary, alerted, as_json_object, decisions_sha256, episodes, in_window, silences, write_epochs_csv
 from tests.unit.sites import edited
-from tests.unit.streams import START_NS, epoch_of, rows_changed, stream, ticks_only, with_more
+from tests.unit.streams import START_NS, epoch_of, moved, rows_changed, stream, ticks_only, with_more
 
 SECONDS = 60
 SITE = parse_site(edited(("recover_after_s = 30.0", "recover_after_s = 5.0"), ('fault = "stop"', 'fault = "exclude"')), "site.toml")
@@ -43,7 +43,7 @@ def spoiled(row: ObservationRow) -> ObservationRow | None:
     if 10 <= second < 15:
         return with_more(row, "pseudorange_m", 40.0, [row.signals.index("G07.1C")])
     if 30 <= second < 34 and row.receiver == "B":
-        return with_more(row, "pseudorange_m", 30.0, slice(0, 6))
+        return moved(row, 30.0, 1.0)
     return None if 45 <= second < 50 and row.receiver == "B" else row
 
 
