@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from integrity.errors import ConfigError, DecodeError
+from integrity.errors import DecodeError
 from integrity.events import EphemerisReceived, Event, Heard, ObservationsReceived, RawBytes, StatusReceived, Tick
 from integrity.gnss.ephemeris.broadcast import KeplerEphemeris
 from integrity.gnss.gps_time import NS_PER_S, WEEK_NS, utc_from_gps
@@ -25,7 +25,6 @@ from integrity.outputs import Output
 from integrity.reception import Reception
 from integrity.reception.rtcm import CLOCK_AFTER_NS
 from integrity.station_monitor import StationMonitor
-from recordings.faults.received import receive
 from recordings.simulate.observations import antennas_of
 from recordings.simulate.rtcm import as_rtcm
 from tests.unit.streams import SITE, START_NS, reports, stream
