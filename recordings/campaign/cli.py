@@ -14,7 +14,7 @@ SAMPLE_SITE = Path(__file__).resolve().parents[1] / "samples" / "site.toml"
 START = "2026-03-02T00:00:00Z"
 STAGE_S = 1800.0
 SMALL_STAGES, SMALL_TRIALS = 2, 2
-FULL_STAGES, FULL_TRIALS = 8, 10
+FULL_STAGES, FULL_TRIALS = 4, 10
 
 Site = Annotated[Path | None, typer.Argument(metavar="SITE", help="Site file; by default the sample's.", show_default=False)]
 Recordings = Annotated[
