@@ -4,7 +4,7 @@ Sources as there.
 """
 
 from collections.abc import Iterator
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -197,9 +197,9 @@ def _block(epochs: Epochs, taken: _Taken, receiver: str, room: _Room) -> Observa
         measured = np.zeros(len(taken.numbers), dtype=np.bool_)
         measured[taken.cell % len(measured)] = True
         taken = _of_signals(measured, taken)
-    others = _others(taken.measurements.view(RAWX_DTYPE))
+    columns: tuple[NDArray[Any], ...] = (pr_m, cp_cycles, *_others(taken.measurements.view(RAWX_DTYPE)))
     arrays = room.arrays(len(epochs.frame), len(taken.numbers))
-    for array, values in zip(arrays, (pr_m, cp_cycles, *others), strict=True):
+    for array, values in zip(arrays, columns, strict=True):
         array.reshape(-1)[taken.cell] = values
     signals = tuple(ALL_SIGNALS[i] for i in taken.numbers)
     satellites = tuple(satellite_of(s) for s in signals)
