@@ -11,7 +11,7 @@ Theory of operation. A satellite is IN (not in the table) or OUT (one `Exclusion
     OUT, not seen                             stays OUT, nothing is learnt
     OUT, residual or what is watched fails    stays OUT, the count of clean epochs starts again
     OUT, all pass                             stays OUT and is counted clean; comes back IN with the epoch that makes the count
-                                              `recover_epochs` over at least `recover_after_ns`
+                                              `recover_epochs` over at least `recover_after_ns`, or an hour where its carrier moved
     IN,  its constellation alone puts the     the whole constellation goes OUT, if no other one fails, its B-values pass, enough satellites
          triangle elsewhere                   remain, and what remains passes. It counts as clean when the constellation passes, all its
                                               satellites together
@@ -234,7 +234,8 @@ def _seen_again(exclusion: Exclusion, clean: bool, gps_ns: int, limits: Limits) 
         return replace(exclusion, clean_since_ns=None, clean_epochs=0)
     since_ns = gps_ns if exclusion.clean_since_ns is None else exclusion.clean_since_ns
     count = exclusion.clean_epochs + 1
-    if count >= limits.recover_epochs and gps_ns - since_ns >= limits.recover_after_ns:
+    needed_ns = limits.recover_after_of_ns.get(exclusion.check, limits.recover_after_ns)
+    if count >= limits.recover_epochs and gps_ns - since_ns >= needed_ns:
         return None
     return replace(exclusion, clean_since_ns=since_ns, clean_epochs=count)
 

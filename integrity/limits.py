@@ -10,6 +10,7 @@ from math import log
 
 import numpy as np
 
+from integrity.carrier_thresholds import MOTION_CHECKS, CarrierDesign, carrier_design, carrier_thresholds, clean_for_s
 from integrity.config import SiteConfig
 from integrity.gnss.gps_time import NS_PER_S
 from integrity.gnss.observations import Bools, Floats, Ints
@@ -18,6 +19,8 @@ from integrity.probability import chi2_quantile, gauss_quantile
 from integrity.states import Outcome
 from integrity.thresholds import FAMILIES, Promises, Threshold
 from integrity.triangle import ReferenceTriangle
+
+ALL_FAMILIES = (*FAMILIES, carrier_thresholds)
 
 
 @dataclass(frozen=True)
@@ -35,6 +38,7 @@ class Limits:
     least_separation: float  # of a pair of receivers, in sigmas: below, one transmitter cannot be told from two
     missed_detection: float
     slow: SlowDesign
+    carriers: CarrierDesign
     clock_sigmas: float  # beyond which a clock's step is told; own choice
     gain_drop: float  # of its range, beyond which a receiver's gain is told; own choice
     min_common_satellites: int
@@ -48,6 +52,7 @@ class Limits:
     same_time_ns: int  # receivers of one kind tag an epoch within a few ms of each other; own choice
     silence_ns: int
     recover_after_ns: int
+    recover_after_of_ns: Mapping[str, int]  # of a satellite that one of these checks excluded
     recover_epochs: int
     by_name: Mapping[str, Threshold] = field(init=False)
 
@@ -89,7 +94,7 @@ class Limits:
 def derive(site: SiteConfig, triangle: ReferenceTriangle) -> Limits:
     """All limits of a site; ConfigError where its promises contradict each other or its triangle."""
     promises = Promises(site, triangle)
-    thresholds = tuple(threshold for family in FAMILIES for threshold in family(promises))
+    thresholds = tuple(threshold for family in ALL_FAMILIES for threshold in family(promises))
     value = {threshold.name: threshold.value for threshold in thresholds}
     p_md = site.integrity.missed_detection
     return Limits(
@@ -104,6 +109,7 @@ def derive(site: SiteConfig, triangle: ReferenceTriangle) -> Limits:
         least_separation=value["capture"] + promises.k_md,
         missed_detection=p_md,
         slow=promises.slow,
+        carriers=carrier_design(promises.interval_s, value),
         clock_sigmas=6.0,
         gain_drop=0.15,
         min_common_satellites=5,
@@ -117,6 +123,7 @@ def derive(site: SiteConfig, triangle: ReferenceTriangle) -> Limits:
         alignment_tolerance_ns=alignment_tolerance_ns(site.epoch_interval_ns),
         silence_ns=max(2 * site.epoch_interval_ns, 2 * NS_PER_S),
         recover_after_ns=round(site.integrity.recover_after_s * NS_PER_S),
+        recover_after_of_ns={name: round(clean_for_s(name, site.integrity.recover_after_s) * NS_PER_S) for name in MOTION_CHECKS},
         recover_epochs=2,
     )
 

@@ -3,6 +3,7 @@
 from dataclasses import dataclass
 
 from integrity.audit import AuditMemory, Ledger
+from integrity.carrier_watch import CarrierMemory
 from integrity.monitors.clocks import ClockMemory
 from integrity.monitors.navigation import Served
 from integrity.monitors.signal import GainMemory
@@ -18,21 +19,23 @@ def n_audited(n_receivers: int) -> int:
 
 @dataclass(frozen=True, eq=False)
 class MonitorMemory:
-    """The sets that serve (`navigation`, one entry per satellite), receiver clocks, slow shifts, gains, and the audit's ledgers."""
+    """The sets that serve (`navigation`, one entry per satellite), receiver clocks, slow shifts, gains, the audit's ledgers, carriers."""
 
     navigation: tuple[Served, ...]
     clocks: ClockMemory
     slow: SlowMemory
     gains: GainMemory
     audit: AuditMemory
+    carriers: CarrierMemory
 
     @staticmethod
-    def empty(n_receivers: int) -> "MonitorMemory":
-        """Before the first epoch."""
+    def empty(n_receivers: int, half_epochs: int) -> "MonitorMemory":
+        """Before the first epoch; `half_epochs` of the windows of carriers."""
         return MonitorMemory(
             (),
             ClockMemory.empty(n_receivers),
             SlowMemory.empty(n_receivers),
             GainMemory.empty(n_receivers),
             AuditMemory((Ledger(),) * n_audited(n_receivers)),
+            CarrierMemory.empty(n_receivers, half_epochs),
         )

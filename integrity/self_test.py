@@ -9,28 +9,29 @@ Nothing is remembered, and nothing taken from what was remembered: monitors with
 decide the same. A check that says nothing of the sound epoch is not asked, but for those that only speak when a satellite changes its set.
 """
 
-from dataclasses import fields, replace
+from collections.abc import Sequence
+from dataclasses import replace
 from math import nan
-from typing import Any
 
 import numpy as np
 
 from integrity.assembler import AlignedEpoch
-from integrity.checks import BlockChecks, Surroundings, check, geometry_of
+from integrity.carrier_shadows import Seen, carriers_shown
+from integrity.carrier_thresholds import CARRIER_CHECKS
+from integrity.checks import Surroundings, check, geometry_of
 from integrity.config import SiteConfig
-from integrity.gnss.ephemeris.states import Ephemerides, SatelliteStates
+from integrity.copies import copies_of, repeated_block
+from integrity.deciding import Decided, Place
+from integrity.gnss.ephemeris.states import Ephemerides
 from integrity.gnss.gps_time import NS_PER_S
-from integrity.gnss.observations import Bools, Floats, ObservationBlock
-from integrity.gnss.positioning import Points, Prefit
+from integrity.gnss.observations import Bools
 from integrity.limits import Limits
 from integrity.monitors import navigation, slow
 from integrity.receiver_watch import Heard, ReceiverMemory, heard_with
 from integrity.satellites import Watched
 from integrity.shadows import SLOW_STEP_NS, Shadow, Turn, false_sets, faults_of, of_ranges, of_receivers, slow_shift_m
-from integrity.sight import Sight
 from integrity.states import Outcome
 from integrity.stream_memory import StreamMemory, StreamStatistics, advance
-from integrity.triangle import ReferenceTriangle
 from integrity.verdict import Checks, passed_over
 
 EVERY_NS = 60 * NS_PER_S
@@ -48,27 +49,20 @@ def is_due(gps_ns: int, interval_ns: int) -> bool:
     return gps_ns % EVERY_NS < interval_ns
 
 
-def silent_families(
-    sight: Sight,
-    full: BlockChecks,
-    around: Surroundings,
-    epoch: AlignedEpoch,
-    e: int,
-    points: Points,
-    triangle: ReferenceTriangle,
-    site: SiteConfig,
-    limits: Limits,
-) -> tuple[str, ...]:
-    """The checks that stay silent in their copies of epoch e of a block, which is `epoch` and has no failing check, by name."""
+def silent_families(decided: Decided, e: int, place: Place) -> tuple[str, ...]:
+    """The checks that stay silent in their copies of epoch e of a block, which has no failing check, by name."""
+    sight, full, around, epoch = decided.sight, decided.full, decided.around, decided.epochs[e]
+    site, triangle, limits, points, _ = place
     turn = Turn(sight, full, e, int(sight.block.epoch_ns[e]) // EVERY_NS, faults_of(site, triangle), triangle)
     shadows = [*of_receivers(turn), *of_ranges(turn), *_of_the_rest(turn)]
     row = {shadow.check: f for f, shadow in enumerate(shadows)}
-    copies = _copies(sight, e, np.array([shadow.more_m for shadow in shadows]))
+    copies = copies_of(sight, e, np.array([shadow.more_m for shadow in shadows]))
     geometry = geometry_of(copies.sky, np.array([shadow.used for shadow in shadows]), site.integrity, triangle)
+    seen = [*_false_sets(turn, limits), *carriers_shown(turn, around.watched, points, limits)]
     past = Surroundings(
         streams=_disturbed(turn, around.streams, row, limits),
         heard=_late(turn, around.heard, row, epoch, site),
-        watched=_false_sets(turn, around.watched, row, limits),
+        watched=_told(around.watched, e, row, seen),
         receivers=_standing_off(turn, limits),
     )
     shown = copies.satellites.statistics_by(geometry.clocks, geometry.of_each)
@@ -96,7 +90,7 @@ def _of_the_rest(turn: Turn) -> list[Shadow]:
     """Copies whose residuals are sound: what is wrong with them stands elsewhere."""
     sound, used = np.zeros(turn.sight.at_points.residual_m.shape[1:]), turn.full.used[turn.e]
     few = used & (np.cumsum(used) <= FEW_SATELLITES)
-    names = ["ephemeris", "reissued", "orbit", "host_time", "repeat"]
+    names = ["ephemeris", "reissued", "orbit", *CARRIER_CHECKS, "host_time", "repeat"]
     names += ["cn0"] * (len(_pair_of(turn, _heard(turn))) == 2) + ["loss"] * (len(_pair_of(turn, _tracking(turn))) == 2)
     return [Shadow("data", sound, few), *(Shadow(name, sound, used) for name in names)]
 
@@ -148,7 +142,7 @@ def _tracking(turn: Turn) -> Bools:
 def _disturbed(turn: Turn, streams: StreamStatistics, row: dict[str, int], limits: Limits) -> StreamStatistics:
     """What streams show that are sound at first, then weak at two receivers and repeated by one, then lost at two: of the copies."""
     e, heard = turn.e, turn.sight.heard
-    block = _repeated_block(heard, e, 3)
+    block = repeated_block(heard, e, 3)
     rho, cn0 = np.array(block.pseudorange_m), np.array(block.cn0_dbhz)
     rho[1, list(turn.others)] += 1.0
     cn0[1, _pair_of(turn, _heard(turn))] -= CN0_DROP_DB
@@ -170,9 +164,9 @@ def _disturbed(turn: Turn, streams: StreamStatistics, row: dict[str, int], limit
     return found
 
 
-def _false_sets(turn: Turn, watched: tuple[Watched, ...], row: dict[str, int], limits: Limits) -> tuple[Watched, ...]:
-    """What is watched of satellites, in the copies: where sets are at stake, after one satellite's has been followed by a set that puts it
-    elsewhere, another's by one that differs in its last bit under the same issue, a third one's by one that its system does not fly."""
+def _false_sets(turn: Turn, limits: Limits) -> list[Seen]:
+    """What is watched of sets, after one satellite's has been followed by a set that puts it elsewhere, another's by one that differs in
+    its last bit under the same issue, a third one's by one that its system does not fly."""
     e = turn.e
     usable = np.flatnonzero(turn.full.used[e]).tolist()
     displaced, altered, astray = columns = [turn.among(usable, more) for more in range(3)]
@@ -189,54 +183,16 @@ def _false_sets(turn: Turn, watched: tuple[Watched, ...], row: dict[str, int], l
         limits["ephemeris"],
         limits["orbit"],
     )
-    found = {
-        "ephemeris": (displaced, shown.change[0, 0]),
-        "reissued": (altered, shown.reissued_m[0, 1]),
-        "orbit": (astray, shown.orbit[0, 2]),
-    }
-    copies = []
-    for one in watched:
-        statistic = np.repeat(one.statistic[e : e + 1], len(row), axis=0)
-        if one.check in found:
-            column, value = found[one.check]
-            statistic[row[one.check], column] = value
-        copies.append(one._replace(statistic=statistic))
-    return tuple(copies)
+    return [
+        Seen("ephemeris", displaced, shown.change[0, 0]),
+        Seen("reissued", altered, shown.reissued_m[0, 1]),
+        Seen("orbit", astray, shown.orbit[0, 2]),
+    ]
 
 
-def _copies(sight: Sight, e: int, more_m: Floats) -> Sight:
-    """Epoch e as often as residuals (n, R, S) are added to its own."""
-    n, sky, at = len(more_m), sight.sky, sight.at_points
-    states, seen = sky.states, sky.expected
-    residual_m = at.residual_m[e] + more_m
-    los_enu = np.repeat(at.los_enu[:, e : e + 1], n, axis=1)
-
-    def repeated(of: Any, axis: int = 0) -> Any:
-        return of.take([e if of.shape[axis] > 1 else 0] * n, axis=axis)  # what is the same in all epochs may stand there once
-
-    states = SatelliteStates(**{f.name: repeated(of := getattr(states, f.name), int(of.ndim == 3)) for f in fields(states)})
-    seen = seen._replace(los_enu=los_enu, **{name: repeated(getattr(seen, name)) for name in seen._fields if name != "los_enu"})
-    copied = replace(
-        sky,
-        states=states,
-        expected=seen,
-        sigma_m=repeated(sky.sigma_m),
-        sigma_differential_m=repeated(sky.sigma_differential_m),
-    )
-    inputs = sight.satellites._replace(
-        prefit_m=residual_m,
-        los_enu=los_enu,
-        sigma_m=copied.sigma_m,
-        sigma_differential_m=copied.sigma_differential_m,
-        screened=repeated(sight.satellites.screened),
-        watched=(),
-    )
-    shown = Prefit(residual_m, los_enu, seen.el_rad, seen.az_rad)
-    return replace(sight, block=_repeated_block(sight.block, e, n), sky=copied, at_points=shown, satellites=inputs)
-
-
-def _repeated_block(block: ObservationBlock, e: int, n: int) -> ObservationBlock:
-    """Epoch e of a block, n times."""
-    alike = ("receivers", "signals", "satellites")
-    arrays: dict[str, Any] = {f.name: np.repeat(getattr(block, f.name)[e : e + 1], n, axis=0) for f in fields(block) if f.name not in alike}
-    return replace(block, **arrays)
+def _told(watched: tuple[Watched, ...], e: int, row: dict[str, int], seen: Sequence[Seen]) -> tuple[Watched, ...]:
+    """What is watched of satellites in all copies: what the epoch shows, and in the copy of a check what was seen of its fault."""
+    copies = {of.check: of._replace(statistic=np.repeat(of.statistic[e : e + 1], len(row), axis=0)) for of in watched}
+    for name, column, statistic in seen:
+        copies[name].statistic[row[name], column] = statistic
+    return tuple(copies.values())

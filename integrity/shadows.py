@@ -14,6 +14,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from integrity.carrier_thresholds import CARRIER_CHECKS
 from integrity.checks import BlockChecks
 from integrity.config import SiteConfig
 from integrity.gnss.constants import EARTH_ROTATION_RADPS
@@ -21,10 +22,11 @@ from integrity.gnss.ephemeris.broadcast import Ephemeris, GeoEphemeris, GlonassE
 from integrity.gnss.ephemeris.kepler import GEOSTATIONARY
 from integrity.gnss.observations import Bools, Floats
 from integrity.gnss.positioning import URA_NOMINAL_M
+from integrity.limits import ALL_FAMILIES
 from integrity.monitors import navigation, slow
 from integrity.probability import detectable_noncentrality
 from integrity.sight import Sight
-from integrity.thresholds import FAMILIES, Promises
+from integrity.thresholds import Promises
 from integrity.triangle import ReferenceTriangle
 
 MARGIN = 1.5
@@ -36,7 +38,8 @@ COMPASS = ((1.0, 0.0), (0.0, 1.0), (-1.0, 0.0), (0.0, -1.0))
 
 
 class Faults(NamedTuple):
-    """Sizes: metres of a circle, sigmas of all others, by the epoch's own geometry; `slow_steps`: for how long a receiver has stood off."""
+    """Sizes: metres of a circle, sigmas of all others, by the epoch's own geometry; `slow_steps`: for how long a receiver has stood off;
+    `interval_s`: between epochs."""
 
     circle_m: float
     common: float
@@ -50,14 +53,20 @@ class Faults(NamedTuple):
     capture: float
     ephemeris: float
     slow: float
+    step: float
+    ramp: float
+    acceleration: float
+    innovation: float
+    divergence: float
     slow_steps: int
+    interval_s: float
 
 
 @lru_cache(maxsize=16)
 def faults_of(site: SiteConfig, triangle: ReferenceTriangle) -> Faults:
     """What the promises of a site say must be caught, and half as much again."""
     promises = Promises(site, triangle)
-    of = {threshold.name: threshold for family in FAMILIES for threshold in family(promises)}
+    of = {threshold.name: threshold for family in ALL_FAMILIES for threshold in family(promises)}
 
     def distance(name: str, dof: int) -> float:
         return MARGIN * sqrt(detectable_noncentrality(of[name].value, dof, site.integrity.missed_detection))
@@ -84,6 +93,8 @@ def faults_of(site: SiteConfig, triangle: ReferenceTriangle) -> Faults:
         capture=sigmas("capture"),
         ephemeris=sigmas("ephemeris"),
         slow=shift,
+        **{name: sigmas(name) for name in CARRIER_CHECKS},
+        interval_s=promises.interval_s,
         slow_steps=ceil(slow.SATURATION * design.threshold / (min(shift * g, slow.MOST_SIGMAS) - design.allowance * g)),
     )
 

@@ -1,6 +1,6 @@
 """What a recording offers for measuring sigmas: displacements and satellite residuals of sound epochs, in the site's own model.
 
-The recording is decided as ever; of every block what the decisions were made on is kept, and of every epoch whether it was sound.
+The recording is decided as ever; of every block what is needed of what it was decided on is kept, of every epoch whether it was sound.
 """
 
 from collections import Counter
@@ -9,17 +9,15 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from integrity.assembler import AlignedEpoch
 from integrity.config import SiteConfig
+from integrity.deciding import Decided
 from integrity.events import Event
 from integrity.gnss.observations import Bools, Floats, Ints
 from integrity.gnss.positioning import range_sigma_m
 from integrity.monitors.residuals import b_values_m, clock_design, normalised_b_values, without_clocks
 from integrity.outputs import EpochReport
 from integrity.states import Cause, State
-from integrity.station_monitor import Snapshot, StationMonitor, _Decided
-
-EVENTS_AT_A_TIME = 3000
+from integrity.station_monitor import Snapshot, StationMonitor
 
 
 @dataclass(frozen=True, eq=False)
@@ -54,20 +52,7 @@ class _Seen:
     el_rad: Floats
 
 
-class _Watched(StationMonitor):
-    """Decides as ever, and keeps what it was decided on."""
-
-    def __init__(self, site: SiteConfig, snapshot: Snapshot | None) -> None:
-        super().__init__(site, snapshot)
-        self.seen: list[_Seen] = []
-
-    def _decided(self, epochs: Sequence[AlignedEpoch]) -> _Decided:
-        decided = super()._decided(epochs)
-        self.seen.append(_seen(decided, self.site))
-        return decided
-
-
-def _seen(decided: _Decided, site: SiteConfig) -> _Seen:
+def _seen(decided: Decided, site: SiteConfig) -> _Seen:
     """Residuals in units of their own model, times the model of a satellite that promises 2.4 m."""
     block, satellites, used = decided.sight.block, decided.sight.satellites, decided.full.used
     promises = site.integrity
@@ -93,17 +78,19 @@ def samples(
     site: SiteConfig, events: Sequence[Event], snapshot: Snapshot | None, start_ns: int | None, end_ns: int | None
 ) -> Samples | None:
     """Sound epochs of a recording in [start, end) of GPS time; None where there is none at all."""
-    monitor = _Watched(site, snapshot)
+    monitor = StationMonitor(site, snapshot)
+    seen: list[_Seen] = []
     why: dict[int, str] = {}
-    for first in range(0, len(events), EVENTS_AT_A_TIME):
-        outputs = monitor.feed(events[first : first + EVENTS_AT_A_TIME])
+    for decided, outputs in monitor.blocks(events):
+        if decided is not None:
+            seen.append(_seen(decided, site))
         why |= {o.gps_time_ns: _unsound(o) for o in outputs if isinstance(o, EpochReport)}
     inside = {t: reason for t, reason in why.items() if (start_ns is None or t >= start_ns) and (end_ns is None or t < end_ns)}
     sound = np.array(sorted(t for t, reason in inside.items() if not reason), dtype=np.int64)
     if not len(sound):
         return None
     left_out = dict(Counter(reason for reason in inside.values() if reason))
-    return _on_a_grid(monitor.seen, sound, left_out, site)
+    return _on_a_grid(seen, sound, left_out, site)
 
 
 def _unsound(report: EpochReport) -> str:

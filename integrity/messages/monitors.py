@@ -10,12 +10,15 @@ from math import inf, isnan, nan, prod
 import numpy as np
 
 from integrity.audit import VARIANCES, AuditMemory, Ledger
+from integrity.carrier_thresholds import MOST_HALF_EPOCHS
+from integrity.carrier_watch import CarrierMemory
 from integrity.errors import DecodeError
 from integrity.events import Tick
 from integrity.gnss.ephemeris.broadcast import Ephemeris
 from integrity.gnss.observations import BEYOND_MEASURE, Floats
 from integrity.gnss.signals import TIME_SCALES
 from integrity.messages import wayside_pb2 as pb
+from integrity.messages.carriers import decode_carriers, encode_carriers
 from integrity.messages.ephemerides import decode_ephemeris, encode_ephemeris
 from integrity.monitor_memory import MonitorMemory, n_audited
 from integrity.monitors.clocks import REMEMBERED, ClockMemory
@@ -39,6 +42,7 @@ def encode_monitors(memory: MonitorMemory) -> pb.MonitorMemory:
         slow=pb.SlowMemory(epoch_ns=memory.slow.epoch_ns, u=memory.slow.u.ravel().tolist(), cusum=memory.slow.cusum.ravel().tolist()),
         gains=pb.GainMemory(epoch_ns=memory.gains.epoch_ns, usual=memory.gains.usual.tolist()),
         audit=pb.AuditMemory(ledgers=[pb.AuditLedger(**vars(ledger)) for ledger in memory.audit.ledgers], due_ns=memory.audit.due_ns),
+        carriers=encode_carriers(memory.carriers),
     )
 
 
@@ -65,7 +69,18 @@ def decode_monitors(message: pb.MonitorMemory, n_receivers: int, last_epoch_ns: 
         ),
         gains=GainMemory(_time_ns(gains.epoch_ns, last_ns), _array("gains", gains.usual, (n_receivers,))),
         audit=_decode_audit(message.audit, n_audited(n_receivers), last_ns),
+        carriers=_decode_carriers(message, n_receivers, last_epoch_ns),
     )
+
+
+def _decode_carriers(message: pb.MonitorMemory, n_receivers: int, last_epoch_ns: int | None) -> CarrierMemory:
+    """Of windows as long as they were when it was written; nothing where it was written before carriers were watched."""
+    half_epochs = len(message.carriers.epoch_ns) // 2
+    if not message.HasField("carriers"):
+        return CarrierMemory.empty(n_receivers, 1)
+    if not 1 <= half_epochs <= MOST_HALF_EPOCHS:
+        raise DecodeError(f"snapshot: {len(message.carriers.epoch_ns)} epochs of carriers, expected 2 to {2 * MOST_HALF_EPOCHS}")
+    return decode_carriers(message.carriers, n_receivers, half_epochs, last_epoch_ns)
 
 
 def encode_tick(tick: Tick | None) -> pb.Tick | None:

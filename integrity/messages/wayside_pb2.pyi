@@ -511,18 +511,20 @@ class LastHealth(_message.Message):
     def __init__(self, boot_id: _Optional[bytes] = ..., sequence: _Optional[int] = ..., data: _Optional[bytes] = ..., gps_time_ns: _Optional[int] = ..., told: _Optional[int] = ...) -> None: ...
 
 class MonitorMemory(_message.Message):
-    __slots__ = ["audit", "clocks", "gains", "navigation", "slow"]
+    __slots__ = ["audit", "carriers", "clocks", "gains", "navigation", "slow"]
     AUDIT_FIELD_NUMBER: _ClassVar[int]
+    CARRIERS_FIELD_NUMBER: _ClassVar[int]
     CLOCKS_FIELD_NUMBER: _ClassVar[int]
     GAINS_FIELD_NUMBER: _ClassVar[int]
     NAVIGATION_FIELD_NUMBER: _ClassVar[int]
     SLOW_FIELD_NUMBER: _ClassVar[int]
     audit: AuditMemory
+    carriers: CarrierMemory
     clocks: ClockMemory
     gains: GainMemory
     navigation: _containers.RepeatedCompositeFieldContainer[ServedSet]
     slow: SlowMemory
-    def __init__(self, navigation: _Optional[_Iterable[_Union[ServedSet, _Mapping]]] = ..., clocks: _Optional[_Union[ClockMemory, _Mapping]] = ..., slow: _Optional[_Union[SlowMemory, _Mapping]] = ..., gains: _Optional[_Union[GainMemory, _Mapping]] = ..., audit: _Optional[_Union[AuditMemory, _Mapping]] = ...) -> None: ...
+    def __init__(self, navigation: _Optional[_Iterable[_Union[ServedSet, _Mapping]]] = ..., clocks: _Optional[_Union[ClockMemory, _Mapping]] = ..., slow: _Optional[_Union[SlowMemory, _Mapping]] = ..., gains: _Optional[_Union[GainMemory, _Mapping]] = ..., audit: _Optional[_Union[AuditMemory, _Mapping]] = ..., carriers: _Optional[_Union[CarrierMemory, _Mapping]] = ...) -> None: ...
 
 class MonitoredSignal(_message.Message):
     __slots__ = ["b_m", "correction_m", "correction_sigma_m", "ephemeris_crc32", "issue", "signal", "undetected_range_m"]

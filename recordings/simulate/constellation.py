@@ -1,7 +1,7 @@
 """Satellites that do not exist: GPS and Galileo as the ephemerides that every satellite would broadcast, made from a seed.
 
 One reference set describes orbit and clock of a satellite for the whole run; every set transmitted is that one carried to its own
-reference time. Consecutive sets therefore agree but for the resolution of the format: below 0.3 m of range where they change.
+reference time. All of them therefore agree but for the resolution of the format: below 0.3 m of range, however far they are carried.
 All values stand on the grid of the navigation messages, so that what is encoded and decoded again is the same to the bit.
 Sources: IS-GPS-200, tables 20-I and 20-III; Galileo OS SIS ICD, 5.1.1, 5.1.3 and 5.1.5; orbits after the GPS SPS Performance Standard,
 section 3.2, and Galileo's reference constellation (Walker 24/3/1).
@@ -65,7 +65,7 @@ def constellation(seed: int, start_ns: int, end_ns: int) -> tuple[KeplerEphemeri
     """The sets in force at the GPS time `start_ns` and those transmitted from then to `end_ns`, in the order of their transmission."""
     week_ns = start_ns // WEEK_NS * WEEK_NS
     sets = [
-        carried(reference, toe_ns)
+        carried(_on_grid(reference), toe_ns)
         for reference in (*_gps(seed, week_ns), *_galileo(seed, week_ns))
         for toe_ns in _reference_times(SYSTEM[reference.satellite[0]], start_ns, end_ns)
     ]

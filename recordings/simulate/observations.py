@@ -1,7 +1,7 @@
 """What receivers would have measured under a simulated constellation, as the events that whoever listens to them would have met.
 
-Any number of antennas, fixed or moving. Ranges belong to the ephemerides in force, so that the broadcast models find the antennas but
-for the errors of `ErrorModel`. Light time is iterated and the frame turned under the signal (no linearised Sagnac term): right to
+Any number of antennas, fixed or moving. Satellites fly for the whole run by the ephemerides that are in force when it begins, so that the
+broadcast models find the antennas but for the errors of `ErrorModel`; sets that follow say the same but for their resolution. Light time is iterated and the frame turned under the signal (no linearised Sagnac term): right to
 0.1 mm, then rounded to 1/1024 m (a binary fraction compresses well). Every value is one that a u-blox receiver can say: `receiver`.
 """
 
@@ -124,11 +124,12 @@ def _path(antennas: Sequence[Antenna], epoch_ns: Ints) -> Path:
 
 
 def _in_sight(sets: tuple[KeplerEphemeris, ...], epoch_ns: Ints, path: Path) -> tuple[tuple[str, ...], Ints]:
-    """Satellites above the cut-off at some epoch, by name, and the sets in force (E, S), as places among `sets`."""
+    """Satellites above the cut-off at some epoch, by name, and the sets that they fly by, the same at all epochs (E, S), as places among
+    `sets`: those in force at first."""
     store = EphemerisStore(sets)
-    arrived = np.searchsorted([eph.transmission_ns for eph in sets], epoch_ns, side="right")
+    arrived = np.searchsorted([eph.transmission_ns for eph in sets], epoch_ns[:1], side="right")
     everything = sorted({eph.satellite for eph in sets})
-    index = store.choose(everything, epoch_ns, arrived)
+    index = np.repeat(store.choose(everything, epoch_ns[:1], arrived), len(epoch_ns), axis=0)
     states = satellite_states(sets, index, state_time_ns(epoch_ns))
     seen = np.zeros(len(everything), dtype=np.bool_)
     for r in range(path.pos_ecef_m.shape[1]):

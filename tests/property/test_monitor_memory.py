@@ -1,26 +1,33 @@
 """Whatever bytes stand where the memory of monitors should: they are refused, or monitors go on from what they say."""
 
+from dataclasses import replace
+
 import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from integrity import audit
+from integrity.carrier_watch import watch
 from integrity.errors import DecodeError
 from integrity.events import EphemerisReceived
 from integrity.gnss.ephemeris.states import Ephemerides
 from integrity.gnss.gps_time import NS_PER_S
+from integrity.gnss.positioning import points_at
 from integrity.gnss.signals import TIME_SCALES
 from integrity.messages import wayside_pb2 as pb
 from integrity.messages.inputs import parsed
 from integrity.messages.monitors import decode_monitors
 from integrity.monitor_memory import MonitorMemory
 from integrity.monitors import clocks, navigation, signal, slow
+from integrity.satellite_watch import SatelliteMemory
 from tests.unit.streams import LIMITS, SITE, TRIANGLE, stream
-from tests.unit.test_messages_monitors import LATER_NS, sound_message
+from tests.unit.test_messages_monitors import LATER_NS, H, sound_message
+from tests.unit.watched_carriers import sights_of
 
 AUDITED = audit.audited_checks(SITE, LIMITS)
 SOUND = sound_message().SerializeToString()
 SETS = Ephemerides([event.ephemeris for event in stream() if isinstance(event, EphemerisReceived)])
+POINTS = points_at(TRIANGLE.pos_ecef_m)
 AT_NS = np.array([LATER_NS + NS_PER_S])
 CLOCK_M, SIGMA_M = np.zeros((1, 3, len(TIME_SCALES))), np.ones((1, len(TIME_SCALES)))
 
@@ -34,6 +41,9 @@ def goes_on(memory: MonitorMemory) -> None:
     table = {entry.satellite: entry for entry in memory.navigation}
     most = LIMITS["ephemeris"], LIMITS["orbit"]
     satellites = [eph.satellite for eph in SETS]
+    [sight] = sights_of(SITE, stream(1.0))
+    later = replace(sight, block=replace(sight.block, epoch_ns=AT_NS))
+    watch(SatelliteMemory(table, memory.carriers).of_windows(H, 3).carriers, later, POINTS, LIMITS.carriers)
     navigation.advance(table, satellites, SETS, np.arange(len(SETS))[None], AT_NS, TRIANGLE.pos_ecef_m.mean(axis=0), *most)
 
 

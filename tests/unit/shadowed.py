@@ -3,16 +3,14 @@
 from collections.abc import Sequence
 from dataclasses import replace
 from functools import cache
+from itertools import pairwise
 from typing import NamedTuple
 
-from integrity.assembler import AlignedEpoch
-from integrity.checks import BlockChecks, Surroundings
 from integrity.config import SiteConfig
+from integrity.deciding import Decided
 from integrity.events import Event, Tick
 from integrity.limits import Limits
-from integrity.receiver_watch import ReceiverMemory, heard_with
 from integrity.self_test import silent_families
-from integrity.sight import Sight
 from integrity.station_monitor import StationMonitor
 from recordings.simulate.observations import simulate
 from tests.unit.streams import SEED, START_NS, a_site
@@ -21,44 +19,27 @@ UNCERTAINTY_NS = 10_000_000
 
 
 class DecidedBlock(NamedTuple):
-    """A block after step 4; `clean` of each epoch."""
+    """A block after step 4, and the monitor that decided it."""
 
     monitor: StationMonitor
-    sight: Sight
-    full: BlockChecks
-    around: Surroundings
-    epochs: tuple[AlignedEpoch, ...]
-    clean: tuple[bool, ...]
+    decided: Decided
 
     def silent(self, e: int, limits: Limits | None = None) -> tuple[str, ...]:
         """What a self-test of epoch e finds."""
-        monitor = self.monitor
-        of = (monitor._points, monitor.triangle, monitor.site, limits or monitor.limits)
-        return silent_families(self.sight, self.full, self.around, self.epochs[e], e, *of)
-
-
-class _Recording(StationMonitor):
-    """Keeps each block that it decides."""
-
-    kept: list[DecidedBlock]
-
-    def _decided(self, epochs: Sequence[AlignedEpoch]):  # type: ignore[no-untyped-def]
-        decided = super()._decided(epochs)
-        sight, site = decided.sight, self.site
-        heard = heard_with(epochs, sight.block.epoch_ns, site.receiver_names, site.host_clock)
-        nothing = ReceiverMemory.empty(len(site.receivers))
-        around = Surroundings(decided.streams, heard, sight.satellites.watched, nothing)
-        self.kept.append(DecidedBlock(self, sight, decided.full, around, tuple(epochs), tuple(decided.clean.tolist())))
-        return decided
+        place = self.monitor.place
+        return silent_families(self.decided, e, place if limits is None else place._replace(limits=limits))
 
 
 def blocks_of(site: SiteConfig, events: Sequence[Event], pieces: int = 1) -> list[DecidedBlock]:
     """The blocks that a monitor decides, fed in so many pieces."""
-    monitor = _Recording(site)
-    monitor.kept = []
-    for k in range(pieces):
-        monitor.feed(events[k * len(events) // pieces : (k + 1) * len(events) // pieces])
-    return monitor.kept
+    monitor = StationMonitor(site)
+    cuts = [k * len(events) // pieces for k in range(pieces + 1)]
+    return [
+        DecidedBlock(monitor, decided)
+        for first, end in pairwise(cuts)
+        for decided, _ in monitor.blocks(events[first:end])
+        if decided is not None
+    ]
 
 
 def a_site_with_host_time(interval_s: float = 30.0) -> SiteConfig:
@@ -76,4 +57,11 @@ def an_hour() -> tuple[Event, ...]:
 def sound_hour() -> DecidedBlock:
     """The same as one block."""
     [block] = blocks_of(a_site_with_host_time(), an_hour())
+    return block
+
+
+@cache
+def sound_minutes() -> DecidedBlock:
+    """Ten sound minutes, an epoch a second, as one block."""
+    [block] = blocks_of(a_site(1.0), simulate(a_site(1.0), START_NS, 590.0, 1.0, SEED))
     return block

@@ -13,6 +13,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from integrity import audit
+from integrity.carrier_watch import CarrierMemory
 from integrity.errors import DecodeError
 from integrity.events import EphemerisReceived, Tick
 from integrity.gnss.ephemeris.broadcast import Ephemeris
@@ -29,7 +30,9 @@ from integrity.monitors.navigation import Served
 from integrity.monitors.signal import GainMemory
 from integrity.monitors.slow import SlowMemory
 from tests.unit.streams import LIMITS, SITE, START_NS, stream
+from tests.unit.watched_carriers import sights_of, watched
 
+H = LIMITS.carriers.motion.half_epochs
 R, K = 3, len(TIME_SCALES)
 AUDITED = audit.audited_checks(SITE, LIMITS)
 LAST_NS = START_NS + 60 * NS_PER_S
@@ -67,6 +70,12 @@ def ledgers(draw: st.DrawFn) -> audit.Ledger:
     )
 
 
+@cache
+def carriers_after(epochs: int) -> CarrierMemory:
+    """What is remembered of carriers after so many sound epochs."""
+    return watched(SITE, sights_of(SITE, stream(float(epochs)))).memory if epochs else CarrierMemory.empty(R, H)
+
+
 sets = st.lists(st.sampled_from(SETS), unique_by=lambda eph: eph.satellite, max_size=4)
 found = st.lists(st.floats(allow_nan=False) | st.just(nan), min_size=5, max_size=5)
 entries = sets.flatmap(lambda chosen: st.tuples(*(st.builds(served, st.just(eph), st.booleans(), found) for eph in chosen)))
@@ -83,6 +92,7 @@ memories = st.builds(
     st.builds(SlowMemory, times_ns, arrays((6, 3), measured), arrays((2, 6, 3), positive)),
     st.builds(GainMemory, times_ns, arrays((R,), measured_or_none)),
     audits,
+    st.builds(carriers_after, st.sampled_from([0, 1, 40])),
 )
 
 
@@ -112,7 +122,7 @@ def test_a_memory_comes_back_to_the_last_bit(memory: MonitorMemory) -> None:
 
 
 def test_nothing_remembered_comes_back_without_a_last_epoch() -> None:
-    empty = MonitorMemory.empty(R)
+    empty = MonitorMemory.empty(R, H)
     assert bits(decode_monitors(encode_monitors(empty), R, None)) == bits(empty)
 
 
@@ -160,14 +170,14 @@ class Epochs:
 @cache
 def remembered() -> MonitorMemory:
     """After ten minutes, so that the audit has looked."""
-    memory, _ = Epochs(600).decided(MonitorMemory.empty(R), slice(0, 600))
+    memory, _ = Epochs(600).decided(MonitorMemory.empty(R, H), slice(0, 600))
     first = SETS[0]
-    return replace(memory, navigation=(Served(first.satellite, first, first, nan, nan, nan, nan, 0.3),))
+    return replace(memory, carriers=carriers_after(40), navigation=(Served(first.satellite, first, first, nan, nan, nan, nan, 0.3),))
 
 
 def test_monitors_go_on_from_bytes_as_they_would_have() -> None:
     epochs = Epochs(900)
-    memory, _ = epochs.decided(MonitorMemory.empty(R), slice(0, 600))
+    memory, _ = epochs.decided(MonitorMemory.empty(R, H), slice(0, 600))
     message = encode_monitors(memory)
     again = decode_monitors(message, R, int(epochs.epoch_ns[599]))
     (after, shown), (after_again, shown_again) = (epochs.decided(m, slice(600, 900)) for m in (memory, again))
@@ -205,6 +215,16 @@ def put(name: str, value: float, k: int | None = None) -> Callable[[Any], None]:
     return change
 
 
+def put_all(name: str, values: list[int]) -> Callable[[Any], None]:
+    """Other numbers in the place of all."""
+
+    def change(message: Any) -> None:
+        part, array = name.split(".")
+        getattr(getattr(message, part), array)[:] = values
+
+    return change
+
+
 def twice(message: Any) -> None:
     message.navigation.add().CopyFrom(message.navigation[0])
 
@@ -228,6 +248,9 @@ DAMAGES: dict[str, Callable[[Any], None]] = {
     "a look of the future": put("audit.ledgers.2.look_ns", LATER_NS + 1),
     "a first look of the future": put("audit.ledgers.2.since_ns", LATER_NS + 1),
     "a look due before time": put("audit.due_ns", -1),
+    "no window of carriers": put_all("carriers.epoch_ns", []),
+    "windows of carriers without end": put_all("carriers.epoch_ns", [0] * 1000),
+    "a carrier of the future": put("carriers.epoch_ns", LATER_NS + 1, -1),
     "an infinite clock": put("clocks.clock_m", inf, 0),
     "a negative sigma": put("clocks.sigma_m", -1.0, 0),
     "an unknown slow shift": put("slow.u", nan, 0),
@@ -261,6 +284,12 @@ def test_what_no_monitor_can_have_remembered_is_refused(damage: str) -> None:
     DAMAGES[damage](message)
     with pytest.raises(DecodeError):
         decode_monitors(message, R, LATER_NS)
+
+
+def test_a_memory_from_before_carriers_were_watched_remembers_none() -> None:
+    message = sound_message()
+    message.ClearField("carriers")
+    assert bits(decode_monitors(message, R, LATER_NS).carriers) == bits(CarrierMemory.empty(R, 1))
 
 
 @pytest.mark.parametrize("n_receivers", [0, 2, 4])

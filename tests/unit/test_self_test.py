@@ -7,18 +7,20 @@ from typing import Any
 import numpy as np
 import pytest
 
+import integrity.carrier_watch
 import integrity.checks
 import integrity.monitors.clocks
 import integrity.monitors.navigation
 import integrity.monitors.slow
 import integrity.satellites
 import integrity.stream_memory
+from integrity.carrier_thresholds import CARRIER_CHECKS
 from integrity.gnss.gps_time import NS_PER_S
 from integrity.limits import Limits
 from integrity.monitors.residuals import normalised_b_values, seen_by_all
 from integrity.monitors.triangles import triangle_statistics
 from integrity.self_test import is_due
-from tests.unit.shadowed import a_site_with_host_time, an_hour, blocks_of, sound_hour
+from tests.unit.shadowed import DecidedBlock, a_site_with_host_time, an_hour, blocks_of, sound_hour, sound_minutes
 from tests.unit.streams import RECOVER_AFTER_S, START_NS
 
 NAMES = sound_hour().monitor.limits.names
@@ -26,15 +28,15 @@ TURNS = range(20, 26)  # epochs, 30 s apart: three minutes, so that each receive
 MANY_TURNS = range(20, 120)
 
 
-def found_silent(epochs: Iterable[int], limits: Limits | None = None) -> set[str]:
-    """Everything that is silent in some epoch."""
-    block = sound_hour()
+def found_silent(epochs: Iterable[int], limits: Limits | None = None, block: DecidedBlock | None = None) -> set[str]:
+    """Everything that is silent in some epoch, of the sound hour where no other block is given."""
+    block = block or sound_hour()
     return {name for e in epochs for name in block.silent(e, limits)}
 
 
-def grown(name: str, times: float) -> Limits:
+def grown(name: str, times: float, block: DecidedBlock | None = None) -> Limits:
     """Limits of which one has grown; one of zero is 1 now."""
-    sound = sound_hour().monitor.limits
+    sound = (block or sound_hour()).monitor.limits
     values: dict[str, Any] = {f.name: getattr(sound, f.name) for f in fields(Limits) if f.init}
     values["thresholds"] = tuple(replace(t, value=t.value * times or 1.0) if t.name == name else t for t in sound.thresholds)
     if name == "slow":
@@ -43,17 +45,29 @@ def grown(name: str, times: float) -> Limits:
 
 
 def test_the_hour_is_sound() -> None:
-    assert all(sound_hour().clean)
+    assert all(sound_hour().decided.clean)
 
 
 def test_nothing_is_silent_on_a_sound_station() -> None:
-    assert found_silent(range(len(sound_hour().epochs))) == set()
+    assert found_silent(range(len(sound_hour().decided.epochs))) == set()
 
 
 # The threshold of captured pairs is half their separation where that is larger: it takes more to blind it at 120 m.
 @pytest.mark.parametrize(("name", "times"), [(name, 1000.0 if name == "capture" else 10.0) for name in NAMES if name != "data"])
 def test_a_limit_that_has_grown_is_found_out(name: str, times: float) -> None:
     assert found_silent(TURNS, grown(name, times)) == {name}
+
+
+@pytest.mark.parametrize("name", CARRIER_CHECKS)
+def test_at_one_epoch_a_second_limits_of_carriers_are_found_out_too(name: str) -> None:
+    block = sound_minutes()
+    assert found_silent(range(300, 480, 60), grown(name, 10.0, block), block) == {name}
+
+
+def test_at_one_epoch_a_second_nothing_is_silent() -> None:
+    block = sound_minutes()
+    assert all(block.decided.clean)
+    assert found_silent(range(0, len(block.decided.epochs), 20), None, block) == set()
 
 
 def test_a_limit_of_missing_satellites_is_found_out() -> None:
@@ -107,6 +121,7 @@ BLIND: dict[str, tuple[object, str, set[str]]] = {
     "lost signals": (integrity.stream_memory, "lost_share", {"loss"}),
     "frozen receivers": (integrity.stream_memory, "repeating_receivers", {"repeat"}),
     "missing satellites": (integrity.checks, "missing_satellites", {"data"}),
+    "carriers": (integrity.carrier_watch, "seen_by_all", set(CARRIER_CHECKS)),
     "second worst": (integrity.checks, "second_worst", {"cn0", "loss"}),
 }
 
@@ -141,7 +156,7 @@ def test_a_circle_that_is_passed_over_is_found_out(receiver: int, monkeypatch: p
 
 
 def test_a_satellite_whose_residual_is_passed_over_is_found_out(monkeypatch: pytest.MonkeyPatch) -> None:
-    column = int(np.flatnonzero(sound_hour().full.used.all(axis=0))[2])
+    column = int(np.flatnonzero(sound_hour().decided.full.used.all(axis=0))[2])
     monkeypatch.setattr("integrity.satellites.seen_by_all", zero_for(np.s_[:, column])(seen_by_all))
     assert found_silent(MANY_TURNS) == {"residual"}
 
@@ -157,10 +172,10 @@ def test_the_rule_of_the_triangle_asks_only_for_it() -> None:
 def test_live_and_replay_find_the_same(name: str, times: float) -> None:
     """Of one block, and of blocks as they come when events are fed in many pieces."""
     limits = grown(name, times)
-    pieces = [(block, e) for block in blocks_of(a_site_with_host_time(), an_hour(), pieces=90) for e in range(len(block.epochs))]
-    found = {block.epochs[e].epoch_ns: block.silent(e, limits) for block, e in pieces[20:80]}
+    pieces = [(block, e) for block in blocks_of(a_site_with_host_time(), an_hour(), pieces=90) for e in range(len(block.decided.epochs))]
+    found = {block.decided.epochs[e].epoch_ns: block.silent(e, limits) for block, e in pieces[20:80]}
     whole = sound_hour()
-    assert found == {whole.epochs[e].epoch_ns: whole.silent(e, limits) for e in range(20, 80)}
+    assert found == {whole.decided.epochs[e].epoch_ns: whole.silent(e, limits) for e in range(20, 80)}
 
 
 @pytest.mark.parametrize(("interval_s", "expected"), [(0.1, 60), (1.0, 60), (7.0, 60), (30.0, 60), (60.0, 60), (90.0, 40)])

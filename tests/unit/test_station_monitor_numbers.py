@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from integrity.carrier_thresholds import CARRIER_CHECKS
 from integrity.events import IonosphereReceived
 from integrity.gnss.atmosphere import Klobuchar
 from integrity.gnss.observations import ROW_FLAGS, ROW_FLOATS, ObservationRow
@@ -33,10 +34,16 @@ def test_no_number_in_all_ranges_is_never_normal(value: float, receivers: str) -
     assert State.NORMAL not in states(decided(rows_changed(stream(SECONDS), change)))[FAULT_S:]
 
 
-@pytest.mark.parametrize("name", [n for n in (*ROW_FLOATS, *ROW_FLAGS) if n not in ("pseudorange_m", "cn0_dbhz")])
+@pytest.mark.parametrize("name", [n for n in (*ROW_FLOATS, *ROW_FLAGS) if n not in ("pseudorange_m", "carrier_cycles", "cn0_dbhz", "slip")])
 def test_what_is_not_used_changes_nothing(name: str) -> None:
     outputs = decided(rows_changed(stream(SECONDS), lambda row: with_values(row, name, 1.0)))
     assert published(outputs) == published(SOUND)
+
+
+def test_carriers_that_slip_all_the_time_are_not_monitored() -> None:
+    outputs = decided(rows_changed(stream(SECONDS), lambda row: with_values(row, "slip", 1.0)))
+    assert states(outputs) == states(SOUND)
+    assert all(set(CARRIER_CHECKS) <= set(report.not_monitored) for report in reports(outputs))
 
 
 @pytest.mark.parametrize("value", [np.inf, -np.inf])
