@@ -10,11 +10,12 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from typing import Protocol
 
-from integrity.events import EphemerisReceived, Heard, InputLost, IonosphereReceived, ObservationsReceived, StatusReceived, Tick
+from integrity.events import EphemerisReceived, Heard, InputLost, IonosphereReceived, ObservationsReceived, StatusReceived, Tick, ToldApart
 from integrity.gnss.atmosphere import Klobuchar
 from integrity.gnss.ephemeris.store import EphemerisStore
 from integrity.gnss.observations import ObservationRow, same_measurements
 from integrity.gnss.receiver_status import ReceiverStatus
+from integrity.monitors.told import Dispute
 
 MOST_PENDING_EPOCHS = 64  # of receivers whose times never meet
 
@@ -41,8 +42,8 @@ class AlignmentLimits(Protocol):
 
 @dataclass(frozen=True)
 class AlignedEpoch:
-    """Rows in the order of the receivers, complete at `mono_ns`; `arrived` ephemerides, ionosphere and hearsay known by then, when each
-    receiver was heard last (R,), and the last tick."""
+    """Rows in the order of the receivers, complete at `mono_ns`; `arrived` ephemerides, ionosphere, hearsay and disputes known by then,
+    when each receiver was heard last (R,), and the last tick."""
 
     epoch_ns: int
     mono_ns: int
@@ -52,6 +53,7 @@ class AlignedEpoch:
     statuses: Statuses
     heard_mono_ns: tuple[int, ...]
     tick: Tick | None
+    disputes: tuple[Dispute, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -83,10 +85,16 @@ class AssemblerState:
 
 
 class Assembler:
-    """See the module. `store` is shared with the monitor, which chooses from it."""
+    """See the module. `store` is shared with the monitor, which chooses from it; `disputes` are those of the reception's memory."""
 
     def __init__(
-        self, receivers: tuple[str, ...], interval_ns: int, limits: AlignmentLimits, state: AssemblerState, store: EphemerisStore
+        self,
+        receivers: tuple[str, ...],
+        interval_ns: int,
+        limits: AlignmentLimits,
+        state: AssemblerState,
+        store: EphemerisStore,
+        disputes: tuple[Dispute, ...] = (),
     ) -> None:
         self._receivers, self._interval_ns, self._limits, self._store = receivers, interval_ns, limits, store
         self._pending = {epoch: {row.receiver: row for row in rows} for epoch, rows in state.pending}
@@ -100,6 +108,7 @@ class Assembler:
         self._last_rows: Mapping[str, ObservationRow] = {row.receiver: row for row in state.last_rows}
         self._statuses = state.statuses
         self._last_tick = state.tick
+        self._disputes = disputes
 
     def state(self) -> AssemblerState:
         """For a snapshot."""
@@ -143,6 +152,8 @@ class Assembler:
                         self._klobuchar = event.klobuchar
                 case StatusReceived():
                     self._hearsay(event)
+                case ToldApart():
+                    self._disputes = event.disputes
                 case InputLost():
                     lost = f"overloaded: bytes of {event.receiver} were lost"
                     out.append(self._interruption(event.mono_ns, (event.receiver,), lost))
@@ -188,7 +199,7 @@ class Assembler:
         self.last_epoch_ns, self._aligned_ns, self._silence_told, self._last_rows = epoch_ns, mono_ns, False, complete
         rows_in_order = tuple(complete[r] for r in self._receivers)
         heard_ns = tuple(self._heard_ns[r] for r in self._receivers)
-        known = (len(self._store), self._klobuchar, self._statuses, heard_ns, self._last_tick)
+        known = (len(self._store), self._klobuchar, self._statuses, heard_ns, self._last_tick, self._disputes)
         return [*gap, AlignedEpoch(epoch_ns, mono_ns, rows_in_order, *known)]
 
     def _give_up(self, epoch_ns: int) -> None:

@@ -6,6 +6,7 @@ from integrity.gnss.atmosphere import Klobuchar
 from integrity.gnss.ephemeris.broadcast import Ephemeris
 from integrity.gnss.observations import ObservationRow
 from integrity.gnss.receiver_status import ReceiverStatus
+from integrity.monitors.told import Dispute
 
 
 @dataclass(frozen=True)
@@ -60,6 +61,14 @@ class StatusReceived:
 
 
 @dataclass(frozen=True)
+class ToldApart:
+    """What receivers were told of satellites that cannot all be true, from here on; none: they agree again."""
+
+    mono_ns: int
+    disputes: tuple[Dispute, ...]
+
+
+@dataclass(frozen=True)
 class Tick:
     """Time passes: the only clock that the monitor has. `utc_uncertainty_ns` is None where nobody vouches for `utc_ns`."""
 
@@ -70,4 +79,4 @@ class Tick:
 
 Decoded = ObservationsReceived | EphemerisReceived | IonosphereReceived | StatusReceived
 Event = RawBytes | InputLost | ObservationsReceived | EphemerisReceived | IonosphereReceived | Tick
-Heard = Decoded | InputLost | Tick  # an event after its bytes were decoded
+Heard = Decoded | ToldApart | InputLost | Tick  # an event after its bytes were decoded

@@ -1,5 +1,6 @@
-"""What receivers say of themselves, in words for people: among the reasons, never a check."""
+"""What receivers say of themselves, and what they were told, in words for people: among the reasons, never a check."""
 
+from collections.abc import Sequence
 from functools import lru_cache
 
 import numpy as np
@@ -8,6 +9,7 @@ from integrity.assembler import Statuses
 from integrity.gnss.frames import ecef_from_geodetic
 from integrity.gnss.observations import Floats
 from integrity.gnss.receiver_status import Antenna, Jamming, ReceiverStatus, Spoofing
+from integrity.monitors.told import Dispute
 from integrity.triangle import ReferenceTriangle
 
 STATED_APART_M = 5.0  # beyond what frames and their epochs differ by (some 2 m), and the antenna from its reference point (0.3 m)
@@ -47,6 +49,32 @@ def _of(receiver: str, status: ReceiverStatus, surveyed_ecef_m: Floats) -> list[
     return found
 
 
+def told_apart(disputes: Sequence[Dispute], epoch_ns: int) -> tuple[str, ...]:
+    """One sentence on each receiver that was told of satellites otherwise than the others, and on those of whom nobody can be named."""
+    alike: dict[tuple[str | None, tuple[str, ...]], list[Dispute]] = {}
+    for of in disputes:
+        if of.from_ns <= epoch_ns <= of.until_ns:
+            alike.setdefault((of.odd, of.receivers), []).append(of)
+    return tuple(_apart(of) for of in alike.values())
+
+
+def _apart(disputes: Sequence[Dispute]) -> str:
+    """Of disputes among the same receivers; the widest one is described."""
+    widest, satellites = max(disputes, key=lambda of: of.size_m), len({of.satellite for of in disputes})
+    size = f"{_far(widest.size_m)} apart, issue{'s' * (len(widest.issues) > 1)} {_and([str(issue) for issue in widest.issues])}"
+    if satellites > 1:
+        size = f"of {widest.satellite} most: {size}"
+    of_what, join = (f"of {widest.satellite}", ":") if satellites == 1 else (f"of {satellites} satellites", ",")
+    if widest.odd is None:
+        return f"{_and(widest.receivers)} were told different {widest.quantity}s {of_what}{join} {size}"
+    another = f"another {widest.quantity}" if satellites == 1 else f"other {widest.quantity}s"
+    return f"{widest.odd} was told {another} {of_what} than {_and([r for r in widest.receivers if r != widest.odd])}{join} {size}"
+
+
+def _and(names: Sequence[str]) -> str:
+    return " and ".join(part for part in (", ".join(names[:-1]), names[-1]) if part)
+
+
 @lru_cache(maxsize=16)
 def _ecef_m(lat_rad: float, lon_rad: float, height_m: float) -> Floats:
     """A fix, once: receivers' other words are read ten times as often."""
@@ -56,4 +84,6 @@ def _ecef_m(lat_rad: float, lon_rad: float, height_m: float) -> Floats:
 
 
 def _far(distance_m: float) -> str:
-    return f"{distance_m / 1000.0:.1f} km" if distance_m >= FAR_M else f"{distance_m:.1f} m"
+    if distance_m >= FAR_M:
+        return f"{distance_m / 1000.0:.1f} km"
+    return f"{distance_m:.1f} m" if distance_m >= 1.0 else f"{distance_m:.2f} m"

@@ -30,7 +30,7 @@ from integrity.exclusion import Exclusion
 from integrity.gnss.ephemeris.broadcast import Ephemeris
 from integrity.gnss.ephemeris.store import EphemerisStore
 from integrity.health import Health, after_epoch, after_silence
-from integrity.hearsay import remarks
+from integrity.hearsay import remarks, told_apart
 from integrity.monitor_memory import MonitorMemory
 from integrity.monitors import clocks, signal
 from integrity.naming import LastClean
@@ -79,8 +79,9 @@ class StationMonitor:
         self.place = place_of(site)
         self.triangle, self.limits = self.place.triangle, self.place.limits
         self._store = EphemerisStore(start.ephemerides)
-        self._reception = Reception(site.receiver_names, start.reception, site.protocols)
-        self._assembler = Assembler(site.receiver_names, site.epoch_interval_ns, self.limits, start.assembler, self._store)
+        self._reception = Reception(site.receiver_names, start.reception, site.protocols, self.limits["ephemeris"])
+        disputes = self._reception.disputes
+        self._assembler = Assembler(site.receiver_names, site.epoch_interval_ns, self.limits, start.assembler, self._store, disputes)
         self._last_clean = start.last_clean
         self._health = start.health
         self._sequence = start.sequence
@@ -197,7 +198,8 @@ class StationMonitor:
         lacking = decided.sight.lacking(e, self.limits.min_common_satellites)
         n_used = int(np.count_nonzero(full.used[e]))
         self._audit = audit.advance(self._audit, epoch.epoch_ns, report.statistic, bool(decided.clean[e]), n_used, self._audited)
-        reasons = (*verdict.reasons, *left_out, *lacking, *remarks(epoch.statuses, self.triangle), *self._remarks(decided, e))
+        said = (*remarks(epoch.statuses, self.triangle), *told_apart(epoch.disputes, epoch.epoch_ns))
+        reasons = (*verdict.reasons, *left_out, *lacking, *said, *self._remarks(decided, e))
         vouched = vouched_for(decided.sight, full, e, self.limits)
         not_monitored = (*report.not_monitored, *signal.silent_on(epoch.statuses, self.site.receiver_names))
         health = self._health_report(epoch.epoch_ns, epoch.mono_ns, reasons, not_monitored, vouched, report.excluded)

@@ -14,7 +14,7 @@ the residual sees more than this.
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from itertools import combinations, pairwise
+from itertools import pairwise
 from math import atan2, degrees, hypot, inf, nan
 from typing import NamedTuple
 
@@ -146,7 +146,7 @@ def _after(
     with_reference = []
     for satellite in changed:
         before, eph = after.pop(satellite, None), serving[satellite]
-        if not _usable(eph):
+        if not is_usable(eph):
             continue
         if before is not None and before.reference is not None and _contradicts(before.reference, gps_ns):
             with_reference.append((before.reference, eph))
@@ -165,11 +165,12 @@ def _after(
 def _is_other(entry: Served | None, eph: Ephemeris) -> bool:
     """Whether a set is not the one that served; one that is not usable leaves no entry."""
     if entry is None:
-        return _usable(eph)
+        return is_usable(eph)
     return entry.serving is not eph and entry.serving != eph
 
 
-def _usable(eph: Ephemeris) -> bool:
+def is_usable(eph: Ephemeris) -> bool:
+    """Whether a satellite says that it is healthy, and how accurate."""
     return eph.healthy and eph.accuracy_m is not None
 
 
@@ -230,41 +231,6 @@ def _elements(eph: Ephemeris) -> tuple[float, float, float]:
     inverse_a = 2.0 / r - (vx * vx + vy * vy + vz * vz) / mu
     e = hypot(h * h / (mu * r) - 1.0, (x * vx + y * vy + z * vz) / r * h / mu)
     return 1e-3 / inverse_a if inverse_a > 0.0 else inf, e, degrees(atan2(hypot(hx, hy), hz))
-
-
-class Disagreement(NamedTuple):
-    """Receivers that were told another set of a satellite than the others; all that were told one where no two agree."""
-
-    satellite: str
-    receivers: tuple[str, ...]
-    apart: Comparison
-
-
-def disagreements(
-    told: Mapping[str, Sequence[Ephemeris]], gps_ns: int, site_ecef_m: Floats, most_change: float
-) -> tuple[Disagreement, ...]:
-    """Of each satellite and message, whose last set (`told`, by receiver) differs from the others' as no two true sets do.
-
-    One receiver may be told of a new set before another is: what differs is judged as a change is. By satellite; only of sets that may
-    serve at the GPS time.
-    """
-    by_source: dict[tuple[str, str], dict[str, Ephemeris]] = {}
-    for receiver, sets in told.items():
-        for eph in sets:
-            if _usable(eph) and abs(gps_ns - eph.toe_ns) <= eph.fit_half_s * NS_PER_S:
-                by_source.setdefault((eph.satellite, message_of(eph)), {})[receiver] = eph
-    found = []
-    for (satellite, _), of in sorted(by_source.items()):
-        differing = {}
-        for a, b in combinations(of, 2):
-            if of[a] != of[b]:
-                apart = compared([of[a]], [of[b]], gps_ns, site_ecef_m)
-                if apart.change[0] > most_change or apart.reissued_m[0] > SAME_WITHIN_M:
-                    differing[a, b] = apart
-        if differing:
-            alone = tuple(r for r in of if len(of) > 2 and all((r in pair) == (pair in differing) for pair in combinations(of, 2)))
-            found.append(Disagreement(satellite, alone or tuple(of), next(iter(differing.values()))))
-    return tuple(found)
 
 
 def message_of(eph: Ephemeris) -> str:

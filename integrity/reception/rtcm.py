@@ -52,9 +52,10 @@ class RtcmStream:
         """Time passes."""
         self._gps_ahead_ns = gps_from_utc(tick.utc_ns) - tick.mono_ns
 
-    def toe_ns(self, satellite: str, message: str) -> int | None:
-        """Reference time of the last set told of a satellite by a message; None where there is none."""
-        return self._toe_ns.get((satellite, message))
+    @property
+    def told(self) -> tuple[Ephemeris, ...]:
+        """The last set told of each satellite and message."""
+        return self._decoder.memory().told
 
     def decoded(self, event: RawBytes) -> list[Heard]:
         """What the messages say, in the order in which they end."""

@@ -4,7 +4,7 @@ from collections.abc import Iterable
 
 from integrity.events import Decoded, EphemerisReceived, Heard, IonosphereReceived, ObservationsReceived, RawBytes, StatusReceived, Tick
 from integrity.gnss.atmosphere import Klobuchar
-from integrity.gnss.ephemeris.broadcast import Ephemeris, KeplerEphemeris
+from integrity.gnss.ephemeris.broadcast import Ephemeris
 from integrity.gnss.gps_time import NS_PER_S
 from integrity.gnss.navigation.collector import NavigationCollector
 from integrity.gnss.ubx.framing import Frame, Framer
@@ -47,10 +47,10 @@ class UbxStream:
     def tick(self, tick: Tick) -> None:
         """Time passes: the receiver knows it better."""
 
-    def toe_ns(self, satellite: str, message: str) -> int | None:
-        """Reference time of the last set told of a satellite by a message; None where there is none."""
-        told = (eph for eph in self._navigation.told if isinstance(eph, KeplerEphemeris))
-        return next((eph.toe_ns for eph in told if (eph.satellite, eph.message) == (satellite, message)), None)
+    @property
+    def told(self) -> tuple[Ephemeris, ...]:
+        """The last set told of each satellite and message."""
+        return self._navigation.told
 
     def decoded(self, event: RawBytes) -> list[Heard]:
         """Frames in the order in which they end."""

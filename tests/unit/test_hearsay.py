@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from integrity.gnss.receiver_status import Antenna, Jamming, ReceiverStatus, Spoofing
-from integrity.hearsay import remarks
+from integrity.hearsay import remarks, told_apart
+from integrity.monitors.told import Dispute
 from tests.unit.streams import TRIANGLE
 
 HERE = ReceiverStatus(
@@ -68,3 +69,38 @@ def test_a_virtual_station_is_named() -> None:
 def test_every_receiver_has_its_say() -> None:
     said = remarks((("A", ReceiverStatus(fix_ok=False)), ("C", ReceiverStatus(fix_ok=False))), TRIANGLE)
     assert said == ("A reports no fix of its own", "C reports no fix of its own")
+
+
+# ---- what they were told
+
+APART = Dispute("G05", "LNAV", ("A", "B", "C"), "B", "orbit", 312.04, (45,), from_ns=100, until_ns=200)
+OF_G07 = APART._replace(satellite="G07", size_m=1500.0, issues=(46, 45))
+UNNAMED = APART._replace(odd=None, receivers=("A", "B"))
+
+
+@pytest.mark.parametrize(
+    ("disputes", "sentences"),
+    [
+        ([], ()),
+        ([APART], ("B was told another orbit of G05 than A and C: 312.0 m apart, issue 45",)),
+        ([APART._replace(quantity="clock", size_m=0.14)], ("B was told another clock of G05 than A and C: 0.14 m apart, issue 45",)),
+        ([APART, OF_G07], ("B was told other orbits of 2 satellites than A and C, of G07 most: 1.5 km apart, issues 46 and 45",)),
+        ([UNNAMED], ("A and B were told different orbits of G05: 312.0 m apart, issue 45",)),
+        ([UNNAMED._replace(receivers=("A", "B", "C"))], ("A, B and C were told different orbits of G05: 312.0 m apart, issue 45",)),
+        (
+            [APART, UNNAMED._replace(satellite="G07")],
+            (
+                "B was told another orbit of G05 than A and C: 312.0 m apart, issue 45",
+                "A and B were told different orbits of G07: 312.0 m apart, issue 45",
+            ),
+        ),
+    ],
+    ids=["nothing", "one", "a clock", "of two satellites", "nobody named", "three ways", "two of two kinds"],
+)
+def test_what_was_told_apart_in_words(disputes: list[Dispute], sentences: tuple[str, ...]) -> None:
+    assert told_apart(disputes, 150) == sentences
+
+
+@pytest.mark.parametrize(("epoch_ns", "said"), [(99, False), (100, True), (200, True), (201, False)])
+def test_it_is_said_for_as_long_as_it_holds(epoch_ns: int, said: bool) -> None:
+    assert bool(told_apart([APART], epoch_ns)) == said

@@ -13,7 +13,7 @@ from integrity.gnss.constants import SPEED_OF_LIGHT_MPS
 from integrity.gnss.ephemeris.broadcast import GeoEphemeris, GlonassEphemeris, KeplerEphemeris
 from integrity.gnss.ephemeris.states import Ephemerides, satellite_states
 from integrity.gnss.gps_time import NS_PER_S
-from integrity.monitors.navigation import NavigationStatistics, Table, advance, compared, disagreements, off_nominal
+from integrity.monitors.navigation import NavigationStatistics, Table, advance, compared, off_nominal
 from recordings.faults.orbits import displaced
 
 Direction = Literal["along", "cross", "radial"]
@@ -255,36 +255,3 @@ def test_cutting_a_stream_changes_nothing(served: list[int], cut: int) -> None:
     table, second = run(between, slice(min(cut, len(served) - 1), None))
     joined = [np.concatenate(parts).tobytes() for parts in zip(first, second, strict=True)]
     assert (repr(table), joined) == (repr(whole_table), [part.tobytes() for part in whole])
-
-
-OTHER = after(off(300.0))
-
-
-@pytest.mark.parametrize(
-    ("told", "named"),
-    [
-        ({"A": [TRUE], "B": [TRUE], "C": [TRUE]}, ()),
-        ({"A": [TRUE], "B": [after(TRUE)], "C": [TRUE]}, ()),
-        ({"A": [TRUE], "B": [OTHER], "C": [TRUE]}, ("B",)),
-        ({"A": [TRUE], "B": [replace(TRUE, crs=0.5)], "C": [TRUE]}, ("B",)),
-        ({"A": [TRUE], "B": [OTHER], "C": [after(off(-300.0))]}, ("A", "B", "C")),
-        ({"A": [TRUE], "B": [OTHER]}, ("A", "B")),
-        ({"A": [TRUE], "B": [], "C": []}, ()),
-        ({"A": [TRUE], "B": [replace(OTHER, toe_ns=T_NS - 3 * HOUR_NS)], "C": [TRUE]}, ()),
-        ({"A": [TRUE], "B": [replace(OTHER, healthy=False)], "C": [TRUE]}, ()),
-    ],
-    ids=[
-        "all alike",
-        "one told sooner",
-        "one told another",
-        "one bit",
-        "three ways",
-        "two of two",
-        "one told",
-        "one of long ago",
-        "one unhealthy",
-    ],
-)
-def test_receivers_that_were_told_differently(told: dict[str, list[KeplerEphemeris]], named: tuple[str, ...]) -> None:
-    found = disagreements(told, T_NS, SITE, MOST_CHANGE)
-    assert [(d.satellite, d.receivers) for d in found] == ([("G05", named)] if named else [])
