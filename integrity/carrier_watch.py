@@ -11,7 +11,7 @@ Numbers are the same to the bit however a stream is cut into blocks, which long 
 from dataclasses import dataclass
 from functools import lru_cache
 from math import hypot
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -21,7 +21,7 @@ from integrity.gnss.constants import SPEED_OF_LIGHT_MPS
 from integrity.gnss.ephemeris.broadcast import Ephemeris
 from integrity.gnss.ephemeris.content import content_crc32
 from integrity.gnss.ephemeris.states import Ephemerides, satellite_states
-from integrity.gnss.observations import Bools, Floats, Ints, ObservationBlock, slices
+from integrity.gnss.observations import ROW_ARRAYS, Bools, Floats, Ints, ObservationBlock, slices
 from integrity.gnss.positioning import Points, expected, state_time_ns
 from integrity.gnss.signals import bands_of, carrier_hz
 from integrity.monitors import carrier_motion, divergence
@@ -31,6 +31,8 @@ from integrity.monitors.divergence import DivergenceInputs, DivergenceMemory
 from integrity.monitors.residuals import seen_by_all
 from integrity.satellites import Watched
 from integrity.sight import Sight, Sky
+
+WORTH_LEAVING_OUT = 0.8  # signals in view among those listed: to pick out more than that costs more than it saves
 
 
 @dataclass(frozen=True, eq=False)
@@ -59,11 +61,13 @@ class CarrierMemory:
 
 
 class _Signals(NamedTuple):
-    """Of signals (S,): how much more noise they have than one that stands alone; carriers, and their change from channel to channel, Hz."""
+    """Of signals (S,): how much more noise they have than one that stands alone; carriers, and their change from channel to channel, Hz;
+    wavelengths, None where some depend on the channel."""
 
     noise: Floats
     carrier_hz: Floats
     channel_hz: Floats
+    wavelength_m: Floats | None
 
 
 def watch(memory: CarrierMemory, sight: Sight, points: Points, design: CarrierDesign) -> tuple[CarrierMemory, tuple[Watched, ...]]:
@@ -74,83 +78,156 @@ def watch(memory: CarrierMemory, sight: Sight, points: Points, design: CarrierDe
     shown = np.empty((len(CARRIER_CHECKS), n_epochs, n_signals))
     tracking, motion, apart = memory.tracking, memory.motion, memory.divergence
     for few in slices(n_epochs, n_receivers * n_signals):
-        part = block if n_epochs == 1 else _epochs(block, few)
-        tracking, continues = continuing(tracking, part, design.lock_share)
-        of_motion, of_code = _inputs(part, continues, jump_m[few], sight, few, design)
+        seen = _seen(sight, few, jump_m)
+        tracking, continues = continuing(tracking, seen.part, design.lock_share)
+        of_motion, of_code = _inputs(seen, continues, design)
         motion, moved = carrier_motion.advance(motion, of_motion, design.motion)
         apart, left = divergence.advance(apart, of_code, design.divergence)
-        shown[:3, few] = seen_by_all(moved.sigmas.reshape(-1, n_receivers, n_signals)).reshape(3, -1, n_signals)
-        shown[3:, few] = seen_by_all(left.sigmas.reshape(-1, n_receivers, n_signals)).reshape(2, -1, n_signals)
+        found = seen_by_all(np.concatenate((moved.sigmas, left.sigmas)))
+        found = seen_by_all(np.concatenate((moved.sigmas, left.sigmas)))
+        found = seen_by_all(np.concatenate((moved.sigmas, left.sigmas)))
+        if seen.columns is None:
+            shown[:, few] = found
+        else:
+            shown[:, few] = np.nan
+            shown[:, few, seen.columns] = found
     watched = tuple(Watched(name, of, design.thresholds[name]) for name, of in zip(CARRIER_CHECKS, shown, strict=True))
-    return CarrierMemory(block.signals, serving, tracking, motion, apart), watched
+    served = serving if seen.columns is None else tuple(serving[s] for s in seen.columns.tolist())
+    return CarrierMemory(seen.part.signals, served, tracking, motion, apart), watched
 
 
-def _inputs(
-    part: ObservationBlock, continues: Bools, jump_m: Floats, sight: Sight, few: slice, design: CarrierDesign
-) -> tuple[MotionInputs, DivergenceInputs]:
-    """What the monitors need of the epochs `few`."""
-    sky, of = sight.sky, _of_signals(part.signals)
-    natural = nature(sky.expected.los_enu[2, few], part.cn0_dbhz, sky.states.ionosphere[few], of.noise, design.errors)
-    carriers_hz = of.carrier_hz + of.channel_hz * sky.ephemerides.channel[sky.index[few]] if of.channel_hz.any() else of.carrier_hz
-    wavelength_m = np.where(sky.in_view[few], SPEED_OF_LIGHT_MPS / carriers_hz, np.nan)
-    c_m = code_minus_carrier_m(part, wavelength_m)
-    ionosphere_m = sky.expected.ionosphere_m
-    residual_m = carrier_residual_m(
-        sight.at_points.residual_m[few], c_m, ionosphere_m[few] if len(ionosphere_m) == len(sky.index) else ionosphere_m
+class _Seen(NamedTuple):
+    """Some epochs of a sight, of all signals, or of those `columns` that are in view in some of them."""
+
+    columns: Ints | None
+    part: ObservationBlock
+    residual_m: Floats  # of ranges, (E, R, S)
+    sin_el: Floats  # (E, R, S)
+    in_view: Bools  # (E, S)
+    served_by: Ints  # (E, S), into the ephemerides
+    ionosphere: Floats
+    ionosphere_m: Floats  # broadcast to (E, R, S)
+    system_of: Ints
+    jump_m: Floats | None
+    channel: Ints  # of the ephemerides
+
+
+def _seen(sight: Sight, few: slice, jump_m: Floats | None) -> _Seen:
+    """The epochs `few`. What is in view in none of them says nothing, and is forgotten: its arcs end here anyway."""
+    block, sky = sight.block, sight.sky
+    n_epochs, n_signals = sky.in_view.shape
+    channel = sky.ephemerides.channel
+    whole = _Seen(
+        None,
+        block,
+        sight.at_points.residual_m,
+        sky.expected.los_enu[2],
+        sky.in_view,
+        sky.index,
+        sky.states.ionosphere,
+        sky.expected.ionosphere_m,
+        sky.system_of,
+        jump_m,
+        channel,
     )
+    if n_epochs == 1:
+        return whole
+    columns, some = None, np.flatnonzero(np.logical_or.reduce(sky.in_view[few], axis=0))
+    if len(some) < WORTH_LEAVING_OUT * n_signals:
+        columns = some
+    jumps_m = None if jump_m is None else _of(jump_m, few, columns)
+    return _Seen(
+        columns,
+        _part(block, few, columns),
+        _of(whole.residual_m, few, columns),
+        _of(whole.sin_el, few, columns),
+        _of(whole.in_view, few, columns),
+        _of(whole.served_by, few, columns),
+        _of(whole.ionosphere, few, columns),
+        whole.ionosphere_m if len(whole.ionosphere_m) == 1 else _of(whole.ionosphere_m, few, columns),
+        sky.system_of if columns is None else sky.system_of[columns],
+        jumps_m if jumps_m is not None and jumps_m.any() else None,
+        channel,
+    )
+
+
+def _inputs(seen: _Seen, continues: Bools, design: CarrierDesign) -> tuple[MotionInputs, DivergenceInputs]:
+    """What the monitors need of some epochs."""
+    part, of = seen.part, _of_signals(seen.part.signals)
+    natural = nature(seen.sin_el, part.cn0_dbhz, seen.ionosphere, of.noise, design.errors)
+    wavelength_m = of.wavelength_m
+    if wavelength_m is None:
+        wavelength_m = SPEED_OF_LIGHT_MPS / (of.carrier_hz + of.channel_hz * seen.channel[seen.served_by])
+    c_m = code_minus_carrier_m(part, np.where(seen.in_view, wavelength_m, np.nan))
+    residual_m = carrier_residual_m(seen.residual_m, c_m, seen.ionosphere_m)
     return (
-        MotionInputs(part.signals, part.epoch_ns, residual_m, continues, jump_m, natural, sky.system_of),
-        DivergenceInputs(part.signals, part.epoch_ns, c_m, continues, natural, sky.system_of),
+        MotionInputs(part.signals, part.epoch_ns, residual_m, continues, seen.jump_m, natural, seen.system_of),
+        DivergenceInputs(part.signals, part.epoch_ns, c_m, continues, natural, seen.system_of),
     )
 
 
 def _ephemeris_jumps(
     before: tuple[Ephemeris | None, ...], sky: Sky, epoch_ns: Ints, points: Points
-) -> tuple[Floats, tuple[Ephemeris | None, ...]]:
-    """By how much a set that begins to serve moves expected ranges against the one before, m (E, S), NaN where there is none, 0 elsewhere;
-    and the sets that serve in the last epoch. `before` are those of the epoch before the first."""
-    jump_m, sets, index = np.zeros(sky.index.shape), sky.ephemerides, sky.index
+) -> tuple[Floats | None, tuple[Ephemeris | None, ...]]:
+    """By how much a set that begins to serve moves expected ranges against the one before, m (E, S), NaN where there is none, 0 elsewhere,
+    or None where none begins; and the sets that serve in the last epoch. `before` are those of the epoch before the first."""
+    sets, index = sky.ephemerides, sky.index
     first = _sets_at(sets, index[0])
     last = first if len(index) == 1 else _sets_at(sets, index[-1])
-    changed: dict[int, dict[int, Ephemeris | None]] = {}  # by epoch and column, the set before
-    if any(old is not new for old, new in zip(before, first, strict=True)):
-        changed[0] = {s: old for s, (old, new) in enumerate(zip(before, first, strict=True)) if old is not new}
+    changed = [] if before == first else [(0, s, old) for s, (old, new) in enumerate(zip(before, first, strict=True)) if old is not new]
     if len(index) > 1:
-        for e, s in np.argwhere(index[1:] != index[:-1]).tolist():
-            changed.setdefault(e + 1, {})[s] = sets[index[e, s]] if index[e, s] >= 0 else None
-    for e, of in changed.items():
-        for s, old in of.items():
-            new = sets[index[e, s]] if index[e, s] >= 0 else None
-            jump_m[e, s] = np.nan if old is None or new is None or content_crc32(old) != content_crc32(new) else 0.0
-        others = {s: old for s, old in of.items() if old is not None and index[e, s] >= 0 and np.isnan(jump_m[e, s])}
-        if others:
-            jump_m[e, list(others)] = _jumps_m(others, sky, epoch_ns, e, points)
+        changes = np.argwhere(index[1:] != index[:-1]).tolist()
+        changed += [(e + 1, s, sets[index[e, s]] if index[e, s] >= 0 else None) for e, s in changes]
+    if not changed:
+        return None, last
+    jump_m, others = np.zeros(index.shape), list[tuple[int, int, Ephemeris]]()
+    for e, s, old in changed:
+        new = sets[index[e, s]] if index[e, s] >= 0 else None
+        if old is None or new is None:
+            jump_m[e, s] = np.nan
+        elif content_crc32(old) != content_crc32(new):
+            others.append((e, s, old))
+    if others:
+        _put_jumps(others, sky, epoch_ns, points, jump_m)
     return jump_m, last
 
 
-def _jumps_m(old: dict[int, Ephemeris], sky: Sky, epoch_ns: Ints, e: int, points: Points) -> Floats:
-    """Expected ranges less those by the sets `old` by column, at an epoch, the mean over the receivers, (N,)."""
-    columns, now_ns = list(old), epoch_ns[e : e + 1]
-    states = satellite_states(
-        Ephemerides(old.values()), np.arange(len(old))[None], state_time_ns(now_ns), [sky.signals[s] for s in columns]
-    )
-    range_m = expected(states, now_ns, points, sky.klobuchar).range_m[0]
-    moved_m = sky.expected.range_m[e][:, columns] - range_m
-    result: Floats = np.add.reduce(moved_m, axis=0) / len(moved_m)
-    return result
+def _put_jumps(others: list[tuple[int, int, Ephemeris]], sky: Sky, epoch_ns: Ints, points: Points, jump_m: Floats) -> None:
+    """Expected ranges less those by other sets at epochs and columns, the mean over the receivers, into `jump_m` (E, S)."""
+    epochs, row = np.unique([e for e, _, _ in others], return_inverse=True)
+    columns, column = np.unique([s for _, s, _ in others], return_inverse=True)
+    index = np.full((len(epochs), len(columns)), -1)
+    index[row, column] = np.arange(len(others))
+    sets, signals = Ephemerides(old for _, _, old in others), [sky.signals[s] for s in columns]
+    states = satellite_states(sets, index, state_time_ns(epoch_ns[epochs]), signals)
+    range_m = expected(states, epoch_ns[epochs], points, sky.klobuchar).range_m
+    moved_m = sky.expected.range_m[epochs][..., columns] - range_m
+    mean_m = np.add.reduce(moved_m, axis=1) / moved_m.shape[1]
+    jump_m[epochs[row], columns[column]] = mean_m[row, column]
 
 
 def _sets_at(sets: Ephemerides, index: Ints) -> tuple[Ephemeris | None, ...]:
     return tuple(sets[k] if k >= 0 else None for k in index.tolist())
 
 
-def _epochs(block: ObservationBlock, few: slice) -> ObservationBlock:
-    """Some epochs of a block."""
-    per_epoch = {n: getattr(block, n)[few] for n in block.__dataclass_fields__ if n not in ("receivers", "signals", "satellites")}
-    return ObservationBlock(block.receivers, block.signals, block.satellites, **per_epoch)
+def _of(values: Any, few: slice, columns: Ints | None) -> Any:
+    """Some epochs of an array (E, ..., S), and columns."""
+    return values[few] if columns is None else values[few].take(columns, axis=-1)
+
+
+def _part(block: ObservationBlock, few: slice, columns: Ints | None) -> ObservationBlock:
+    """Some epochs of a block, and columns."""
+    signals, satellites = block.signals, block.satellites
+    if columns is not None:
+        signals, satellites = (tuple(of[s] for s in columns.tolist()) for of in (signals, satellites))
+    per_signal = {name: _of(getattr(block, name), few, columns) for name in ROW_ARRAYS}
+    return ObservationBlock(block.receivers, signals, satellites, block.epoch_ns[few], block.receive_time_ns[few], **per_signal)
 
 
 @lru_cache(maxsize=256)
 def _of_signals(signals: tuple[str, ...]) -> _Signals:
     carriers = np.array([carrier_hz(signal[:1], bands_of(signal)[0]) or (np.nan, np.nan) for signal in signals]).reshape(-1, 2)
-    return _Signals(np.array([hypot(*weights_of(signal)) for signal in signals]), carriers[:, 0].copy(), carriers[:, 1].copy())
+    noise = np.array([hypot(*weights_of(signal)) for signal in signals])
+    return _Signals(
+        noise, carriers[:, 0].copy(), carriers[:, 1].copy(), None if carriers[:, 1].any() else SPEED_OF_LIGHT_MPS / carriers[:, 0]
+    )

@@ -19,6 +19,7 @@ Source: section 2.4 of the project's notes on ground integrity; windows and thre
 """
 
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
@@ -26,21 +27,23 @@ import numpy as np
 from integrity.gnss.carrier.smoothing import MOST_APART_M
 from integrity.gnss.gps_time import NS_PER_S
 from integrity.gnss.observations import Bools, Floats, Ints, freeze
-from integrity.monitors.carrier_residuals import Nature, ages, without_clocks
+from integrity.monitors.carrier_residuals import Changes, Nature, ages, by_signal, without_clocks
 
+NEVER = np.iinfo(np.int64).max
 RATES_STAY_S = 300.0  # for so long the atmosphere goes on as it does; waves in the ionosphere take 15 minutes and more
 
 
 class MotionInputs(NamedTuple):
     """Of a block: `epoch_ns` (E,); `residual_m` (E, R, S) of carriers; `continues` (E, R, S), no slip that the receiver knows of;
-    `jump_m` (E, S), by how much another ephemeris than that of the epoch before changed the expected ranges, NaN where nobody knows;
+    `jump_m` (E, S), by how much another ephemeris than that of the epoch before changed the expected ranges, NaN where nobody knows, None
+    where none changed;
     `nature` of the signals; `system_of` (S,), constellations."""
 
     signals: tuple[str, ...]
     epoch_ns: Ints
     residual_m: Floats
     continues: Bools
-    jump_m: Floats
+    jump_m: Floats | None
     nature: Nature
     system_of: Ints
 
@@ -94,7 +97,7 @@ class MotionMemory:
 
 class MotionStatistics(NamedTuple):
     """In sigmas, signed, (3, E, R, S): step, ramp and acceleration; NaN where nothing can be said: no carrier, or not for long enough.
-    `sigma`, broadcast to that: what one is, m, of a ramp over the whole window; `half_s` (E, 1, 1)."""
+    `sigma`, broadcast to that: what one is, m, of a ramp over the whole window; `half_s` (E,)."""
 
     sigmas: Floats
     sigma: Floats
@@ -124,52 +127,55 @@ def advance(memory: MotionMemory, inputs: MotionInputs, design: MotionDesign) ->
     before, h = memory.on(inputs.signals), design.half_epochs
     residual_m = np.concatenate((before.residual_m, inputs.residual_m))  # (H + E, R, S)
     epoch_ns = np.concatenate((before.epoch_ns, inputs.epoch_ns))  # (2H + E,)
-    dt_s, half_s, window_s = (_since(epoch_ns, 2 * h, back) for back in (1, h, 2 * h))
-    continues = inputs.continues & (np.isfinite(inputs.jump_m)[:, None] & (dt_s <= design.longest_gap_s))
-
-    moved_m, moved_m2 = np.empty((2, *inputs.residual_m.shape)), np.empty((2, len(dt_s), 1, len(inputs.signals)))
-    np.subtract(residual_m[h:], residual_m[h - 1 : -1], out=moved_m[0])  # since the epoch before
-    np.subtract(residual_m[h:], residual_m[:-h], out=moved_m[1])  # over half a window
-    if inputs.jump_m.any():
+    since_ns = epoch_ns[2 * h :] - epoch_ns.take(_places(len(inputs.epoch_ns), h))
+    spans = _spans(since_ns.tobytes(), design)
+    moved_m = np.empty((2, *inputs.residual_m.shape))  # over half a window, since the epoch before
+    np.subtract(residual_m[h:], residual_m[:-h], out=moved_m[0])
+    np.subtract(residual_m[h:], residual_m[h - 1 : -1], out=moved_m[1])
+    goes_on = np.isfinite(moved_m[1])
+    goes_on &= inputs.continues
+    goes_on &= spans.near
+    if inputs.jump_m is not None:
         _by_new_sets(inputs.jump_m, residual_m, moved_m, h)
-    goes_on = continues & np.isfinite(moved_m[0])
-    age = ages(goes_on, before.age)
-    np.copyto(moved_m[0], np.nan, where=~goes_on)
-    np.copyto(moved_m[1], np.nan, where=(age < h) | (half_s > design.longest_half_s))
-    moved_m2[0], moved_m2[1] = change_m2(inputs.nature, dt_s, design), change_m2(inputs.nature, half_s, design)
-    (step_m, half_m), (step_m2, half_m2) = without_clocks(moved_m, moved_m2, inputs.system_of)
-    far = np.abs(step_m) > MOST_APART_M  # is told once, and another arc begins
-    if far.any():
-        age = ages(goes_on & ~far, before.age)
-        moved_m[1][age < h] = np.nan
-        half_m, half_m2 = without_clocks(moved_m[1], moved_m2[1], inputs.system_of)
-        step_m2, half_m2 = (np.broadcast_to(m2, step_m.shape) for m2 in (step_m2, half_m2))
-    halves_m = np.concatenate((before.half_m, half_m))
+        goes_on &= np.isfinite(inputs.jump_m)[:, None]
 
-    of_clocks = half_m2 / moved_m2[1]  # 1 but for what is away from the others
-    sigma, shown = np.empty((3, *half_m2.shape)), np.empty((3, *step_m.shape))
-    sigma[0] = step_m2
-    np.multiply(of_clocks, change_m2(inputs.nature, window_s, design), out=sigma[1])
-    np.multiply(of_clocks, bend_m2(inputs.nature, half_s, design), out=sigma[2])
-    np.sqrt(sigma, out=sigma)
-    shown[0] = step_m
-    np.add(half_m, halves_m[:-h], out=shown[1])
-    np.subtract(half_m, halves_m[:-h], out=shown[2])
-    shown /= sigma
-    last = slice(-h, None)
-    after = MotionMemory(
-        inputs.signals,
-        epoch_ns[-2 * h :].copy(),
-        residual_m[last].copy(),
-        halves_m[last].copy(),
-        np.minimum(age[-1], h),
-    )
-    return after, MotionStatistics(shown, sigma, half_s)
+    age, known = ages(goes_on, before.age), np.empty(moved_m.shape, dtype=np.bool_)
+    np.greater_equal(age, spans.least_age, out=known[0])
+    known[1] = goes_on
+    model_m2 = _variance_m2(inputs.nature.by_signal(), spans.terms)  # (4, S, 1, E)
+    moved_m, known = by_signal(np.where(known, moved_m, 0.0)), by_signal(known)
+    left = without_clocks(moved_m, known, model_m2[:2], inputs.system_of)
+    if left.far and (far := np.abs(left.change_m[1]) > MOST_APART_M).any():  # is told once, and another arc begins
+        age = ages(goes_on & ~by_signal(far), before.age)
+        half = without_clocks(moved_m[:1], known[:1] & by_signal(age >= h), model_m2[:1], inputs.system_of)
+        left.change_m[:1], left.variance_m2[:1] = half.change_m, half.variance_m2
+    half_m, step_m = left.change_m
+    halves_m = np.concatenate((before.half_m, half_m.T))
+    half_ago_m = by_signal(halves_m[:-h])
+
+    sigma = _sigma(left, model_m2)
+    shown = np.empty((3, *step_m.shape))
+    np.divide(step_m, sigma[0], out=shown[0])
+    np.add(half_m, half_ago_m, out=shown[1])
+    np.subtract(half_m, half_ago_m, out=shown[2])
+    shown[1:] /= sigma[1:]
+    after = MotionMemory(inputs.signals, epoch_ns[-2 * h :], residual_m[-h:], halves_m[-h:], np.minimum(age[-1], h))
+    return after, MotionStatistics(shown.swapaxes(1, 3), sigma.swapaxes(1, 3), spans.half_s)
+
+
+def _sigma(left: Changes, model_m2: Floats) -> Floats:
+    """Standard deviations (3, S, 1 or R, E) of step, ramp, acceleration, of the model's variances; `left` of the change over h, and of the
+    step."""
+    if not left.far:
+        return np.sqrt(model_m2[1:])
+    of_clocks = left.variance_m2[:1] / model_m2[:1]  # 1 but for what is away from the others
+    return np.sqrt(np.concatenate((left.variance_m2[1:], of_clocks * model_m2[2:])))
 
 
 def _by_new_sets(jump_m: Floats, residual_m: Floats, moved_m: Floats, h: int) -> None:
-    """Puts right what moved (2, E, R, S) where sets changed, and leaves residuals (H + E, R, S) as if the sets that serve last had served
-    before: what was expected by them is more by the jump, what was left is less. Jump after jump, as it would be epoch by epoch."""
+    """Puts right what moved over h and since the epoch before (2, E, R, S) where sets changed, and leaves residuals (H + E, R, S) as if the
+    sets that serve last had served before: what was expected by them is more by the jump, what was left is less. Jump after jump, as it
+    would be epoch by epoch."""
     for s in np.flatnonzero(np.nan_to_num(jump_m).any(axis=0)):
         now_m = residual_m[h:, :, s].copy()
         last_m, half_ago_m = residual_m[h - 1 : -1, :, s].copy(), residual_m[:-h, :, s].copy()
@@ -177,23 +183,64 @@ def _by_new_sets(jump_m: Floats, residual_m: Floats, moved_m: Floats, h: int) ->
             last_m[e] -= jump_m[e, s]
             half_ago_m[e : e + h] -= jump_m[e, s]
             residual_m[: h + e, :, s] -= jump_m[e, s]
-        moved_m[0, ..., s], moved_m[1, ..., s] = now_m - last_m, now_m - half_ago_m
+        moved_m[0, ..., s], moved_m[1, ..., s] = now_m - half_ago_m, now_m - last_m
+
+
+class _Terms(NamedTuple):
+    """A variance is `of_phase` times that of the phase, `of_rate` (s2) times that of the atmosphere's rate, and what the clock adds."""
+
+    of_phase: Floats
+    of_rate: Floats
+    of_clock: Floats
+
+
+class _Spans(NamedTuple):
+    """What follows from the times of epochs: which are near the one before (E, 1, 1); how old an arc must be for ramps; h (E,); terms
+    (4, 1, 1, E) of the change over h, step, ramp, acceleration."""
+
+    near: Bools
+    least_age: Ints
+    half_s: Floats
+    terms: _Terms
 
 
 def change_m2(nature: Nature, dt_s: Floats, design: MotionDesign) -> Floats:
-    """Variance (E, 1, S) of a residual's change over dt_s (E, 1, 1)."""
-    slope_m2ps2 = nature.ionosphere_m2ps2 + nature.troposphere_m2ps2
-    return 2.0 * nature.phase_m2 + (slope_m2ps2 * dt_s + design.clock_m**2) * dt_s
+    """Variance of a residual's change over dt_s; all broadcast together."""
+    return _variance_m2(nature, _change_terms(dt_s, design))
 
 
 def bend_m2(nature: Nature, dt_s: Floats, design: MotionDesign) -> Floats:
-    """Variance (E, 1, S) of the difference of its changes over dt_s (E, 1, 1) before and after an epoch: rates hardly change."""
-    slope_m2ps2 = nature.ionosphere_m2ps2 + nature.troposphere_m2ps2
-    return 6.0 * nature.phase_m2 + (-2.0 * np.expm1(-dt_s / RATES_STAY_S) * slope_m2ps2 * dt_s + 2.0 * design.clock_m**2) * dt_s
+    """Variance of the difference of its changes over dt_s before and after an epoch: rates hardly change."""
+    return _variance_m2(nature, _bend_terms(dt_s, design))
 
 
-def _since(epoch_ns: Ints, first: int, back: int) -> Floats:
-    """Seconds (E, 1, 1) since the epoch `back` places before, for epochs from place `first` on."""
-    n = len(epoch_ns)
-    result: Floats = ((epoch_ns[first:] - epoch_ns[first - back : n - back]) / NS_PER_S)[:, None, None]
-    return result
+def _variance_m2(nature: Nature, of: _Terms) -> Floats:
+    return of.of_phase * nature.phase_m2 + of.of_rate * nature.atmosphere_m2ps2 + of.of_clock
+
+
+def _change_terms(dt_s: Floats, design: MotionDesign) -> _Terms:
+    return _Terms(np.full(dt_s.shape, 2.0), dt_s * dt_s, design.clock_m**2 * dt_s)
+
+
+def _bend_terms(dt_s: Floats, design: MotionDesign) -> _Terms:
+    change = _change_terms(dt_s, design)
+    bending = -2.0 * np.expm1(-dt_s / RATES_STAY_S)
+    return _Terms(3.0 * change.of_phase, bending * change.of_rate, 2.0 * change.of_clock)
+
+
+@lru_cache(maxsize=64)
+def _spans(since_ns: bytes, design: MotionDesign) -> _Spans:
+    """Of times (3, E) since the epochs h, 1 and 2h before: of epochs at equal intervals they are always the same."""
+    since_s = np.frombuffer(since_ns, dtype=np.int64).reshape(3, 1, 1, -1) / NS_PER_S
+    half_s, dt_s, _ = since_s.reshape(3, -1)
+    pairs = zip(_change_terms(since_s, design), _bend_terms(since_s[:1], design), strict=True)
+    least_age = np.where(half_s <= design.longest_half_s, design.half_epochs, NEVER)
+    terms = _Terms(*(np.concatenate(pair) for pair in pairs))
+    return _Spans((dt_s <= design.longest_gap_s)[:, None, None], least_age[:, None, None], half_s, terms)
+
+
+@lru_cache(maxsize=64)
+def _places(n_epochs: int, h: int) -> Ints:
+    """Where the epochs h, 1 and 2h before stand (3, E), of epochs that begin at place 2h."""
+    places: Ints = 2 * h + np.arange(n_epochs) - np.array([h, 1, 2 * h])[:, None]
+    return places

@@ -22,6 +22,7 @@ limit of 0.0125 m/s is not used: thresholds follow from the error model, which i
 """
 
 from dataclasses import dataclass
+from functools import lru_cache, reduce
 from typing import NamedTuple
 
 import numpy as np
@@ -29,7 +30,9 @@ import numpy as np
 from integrity.gnss.carrier.smoothing import MOST_APART_M
 from integrity.gnss.gps_time import NS_PER_S
 from integrity.gnss.observations import Bools, Floats, Ints, freeze
-from integrity.monitors.carrier_residuals import Nature, ages, without_clocks
+from integrity.monitors.carrier_residuals import Nature, ages, by_signal, without_clocks
+
+NEVER_NS = np.iinfo(np.int64).max
 
 
 class DivergenceInputs(NamedTuple):
@@ -117,59 +120,108 @@ class DivergenceStatistics(NamedTuple):
 
 def advance(memory: DivergenceMemory, inputs: DivergenceInputs, design: DivergenceDesign) -> tuple[DivergenceMemory, DivergenceStatistics]:
     """The memory after a block, and how far code and carrier are apart in it; epochs increase."""
-    before, tau_s, c_m = memory.on(inputs.signals), design.window_s, inputs.code_minus_carrier_m
-    dt_s = ((inputs.epoch_ns - np.append(before.epoch_ns, inputs.epoch_ns[:-1])) / NS_PER_S)[:, None, None]
-
-    changed_m = np.empty(c_m.shape)
-    np.subtract(c_m[:1], before.code_minus_carrier_m, out=changed_m[:1])
-    np.subtract(c_m[1:], c_m[:-1], out=changed_m[1:])
-    np.copyto(changed_m, np.nan, where=~(inputs.continues & (dt_s <= design.longest_gap_s)))
-    together = np.zeros(len(inputs.signals), dtype=np.int64)  # all signals of a receiver
-    changed_m = without_clocks(changed_m, 2.0 * inputs.nature.code_m2, together).change_m
-    far = np.abs(changed_m) > MOST_APART_M  # is told once, and another arc begins
-    goes_on = np.isfinite(changed_m) & ~far
+    before, epoch_ns, natural = memory.on(inputs.signals), inputs.epoch_ns, inputs.nature.by_signal()
+    dt_ns = epoch_ns - before.epoch_ns if len(epoch_ns) == 1 else np.diff(epoch_ns, prepend=before.epoch_ns)
+    spans = _spans(dt_ns.tobytes(), design)
+    changed_m, told, far = _changes(before, inputs, natural, spans.near)
+    goes_on = told if far is None else told & ~far
     age = ages(goes_on, before.age)
-    begun_ns = np.where(goes_on, 0, inputs.epoch_ns[:, None, None])
-    np.maximum(begun_ns[0], before.since_ns, out=begun_ns[0])
-    since_ns = np.maximum.accumulate(begun_ns) if len(c_m) > 1 else begun_ns
-    full = np.maximum(tau_s / dt_s, 1.0)  # epochs in the window
-    n = np.minimum(np.maximum(age, 1), full)  # of them so far; 1 where an arc begins
+    n = np.minimum(np.maximum(age, 1), spans.full)  # epochs of the window so far; 1 where an arc begins
 
-    told, told_m2 = np.empty((2, *c_m.shape)), np.empty((2, len(c_m), 1, c_m.shape[-1]))
-    told[0] = changed_m
-    np.copyto(told[0], 0.0, where=~goes_on)
-    _carry_on(before.innovation_m, 1.0 - 1.0 / n, told[0])
-    np.multiply(told[0], 1.0 / (full * tau_s), out=told[1])
-    _carry_on(before.rate_mps, goes_on * (1.0 - 1.0 / full), told[1])
-    first_m, second_mps = told[0, -1].copy(), told[1, -1].copy()
-    np.copyto(told[0], np.nan if not far.any() else np.where(far, changed_m, np.nan), where=~goes_on)
-    np.copyto(told[1], np.nan, where=since_ns > inputs.epoch_ns[:, None, None] - round(design.warm_up_s * NS_PER_S))
-    fewest, most = np.minimum.reduce(n, axis=1, keepdims=True), np.maximum.reduce(n, axis=1, keepdims=True)
-    told_m2[0] = innovation_m2(inputs.nature, 1.0 / fewest, most * dt_s)
-    told_m2[1] = divergence_m2ps2(inputs.nature, dt_s, design)
-    left, left_m2 = without_clocks(told, told_m2, inputs.system_of)
+    stages = np.empty((2, *n.shape))
+    stages[0] = np.where(goes_on, changed_m, 0.0)
+    _carry_on(before.innovation_m, 1.0 - 1.0 / n, stages[0])
+    np.multiply(stages[0], spans.share_ps, out=stages[1])
+    _carry_on(before.rate_mps, goes_on * spans.keep, stages[1])
+    since_ns, warm = _since(goes_on, age, epoch_ns, before.since_ns, round(design.warm_up_s * NS_PER_S))
+    last = inputs.code_minus_carrier_m[-1].copy(), stages[0, -1].copy(), stages[1, -1].copy()
+    after = DivergenceMemory(inputs.signals, int(epoch_ns[-1]), *last, age[-1].copy(), since_ns)
+
+    says = np.empty(stages.shape, dtype=np.bool_)
+    says[0], says[1] = told, warm
+    if far is not None:
+        np.copyto(stages[0], changed_m, where=far)
+    stages_m2 = np.empty((2, n.shape[2], 1, len(n)))
+    receivers = [n[:, r] for r in range(n.shape[1])]
+    fewest, most = (reduce(extreme, receivers).T.copy()[:, None] for extreme in (np.minimum, np.maximum))
+    stages_m2[0] = innovation_m2(natural, 1.0 / fewest, most * spans.dt_s)
+    stages_m2[1] = _second_m2ps2(natural, spans.of_code_ps2)
+    left, left_m2, _ = without_clocks(by_signal(stages), by_signal(says), stages_m2, inputs.system_of)
     sigma = np.sqrt(left_m2)
-    after = DivergenceMemory(
-        inputs.signals,
-        int(inputs.epoch_ns[-1]),
-        c_m[-1].copy(),
-        first_m,
-        second_mps,
-        age[-1].copy(),
-        since_ns[-1].copy(),
-    )
-    return after, DivergenceStatistics(left / sigma, sigma)
+    left /= sigma
+    return after, DivergenceStatistics(left.swapaxes(1, 3), sigma.swapaxes(1, 3))
+
+
+def _changes(before: DivergenceMemory, inputs: DivergenceInputs, natural: Nature, near: Bools) -> tuple[Floats, Bools, Bools | None]:
+    """Changes of c (E, R, S) without what all signals of a receiver have in common; where there are any; which of them are too large to go
+    on, None where no one is. `near` (E, 1, 1): the epoch before was not too long ago."""
+    c_m = np.concatenate((before.code_minus_carrier_m[None], inputs.code_minus_carrier_m))
+    changed_m = c_m[1:] - c_m[:-1]
+    known = np.isfinite(changed_m)
+    known &= inputs.continues
+    known &= near
+    together = np.zeros(len(inputs.signals), dtype=np.int64)
+    known_m = by_signal(np.where(known, changed_m, 0.0))[None]
+    left = without_clocks(known_m, by_signal(known)[None], 2.0 * natural.code_m2[None], together)
+    changed_m = by_signal(left.change_m[0])
+    far = np.abs(changed_m) > MOST_APART_M if left.far else None
+    return changed_m, np.isfinite(changed_m), far
+
+
+def _since(goes_on: Bools, age: Ints, epoch_ns: Ints, before_ns: Ints, warm_up_ns: int) -> tuple[Ints, Bools]:
+    """When the arcs of the last epoch began (R, S), and whose arcs began long enough ago (E, R, S). Arcs that go on from before the block
+    began at before_ns (R, S)."""
+    begun_ns = epoch_ns - warm_up_ns  # and not later
+    if len(age) == 1:
+        since_ns: Ints = np.where(goes_on[0], before_ns, epoch_ns)
+        return since_ns, (since_ns <= begun_ns)[None]
+    last = len(age) - 1 - age[-1]  # the epoch where they began
+    since_ns = np.where(last >= 0, epoch_ns.take(last, mode="clip"), before_ns)
+    earlier = np.searchsorted(epoch_ns, begun_ns, side="right")  # epochs of the block that are early enough; then all before it are
+    warm: Bools = age > (np.arange(len(age)) - earlier)[:, None, None]
+    warm &= before_ns <= np.where(earlier > 0, NEVER_NS, begun_ns)[:, None, None]
+    return since_ns, warm
 
 
 def innovation_m2(nature: Nature, a: Floats, age_s: Floats) -> Floats:
-    """Variance (E, 1, S) of the first stage, of signals that have continued for age_s, at most tau."""
+    """Variance of the first stage, of signals that have continued for age_s, at most tau; all broadcast together."""
     return nature.code_m2 * (1.0 + a) + 4.0 * nature.ionosphere_m2ps2 * (age_s * age_s)
 
 
 def divergence_m2ps2(nature: Nature, dt_s: Floats, design: DivergenceDesign) -> Floats:
-    """Variance (E, 1, S) of the second stage: multipath that both stages leave, and the ionosphere."""
+    """Variance of the second stage: multipath that both stages leave, and the ionosphere; all broadcast together."""
+    return _second_m2ps2(nature, _of_code_ps2(dt_s, design))
+
+
+def _of_code_ps2(dt_s: Floats, design: DivergenceDesign) -> Floats:
+    """The share of the code's variance that the second stage has."""
     tau_s, stays_s = design.window_s, design.correlation_s + 0.5 * dt_s
-    return nature.code_m2 * (stays_s / (2.0 * tau_s * (tau_s + stays_s) ** 2)) + 4.0 * nature.ionosphere_m2ps2
+    result: Floats = stays_s / (2.0 * tau_s * (tau_s + stays_s) ** 2)
+    return result
+
+
+def _second_m2ps2(nature: Nature, of_code_ps2: Floats) -> Floats:
+    return nature.code_m2 * of_code_ps2 + 4.0 * nature.ionosphere_m2ps2
+
+
+class _Spans(NamedTuple):
+    """What follows from the times of epochs: dt (E,); which are near the one before (E, 1, 1); epochs in the window; the share of the first
+    stage that enters the second; what this keeps; the share of the code's variance in it (E,)."""
+
+    dt_s: Floats
+    near: Bools
+    full: Floats
+    share_ps: Floats
+    keep: Floats
+    of_code_ps2: Floats
+
+
+@lru_cache(maxsize=64)
+def _spans(dt_ns: bytes, design: DivergenceDesign) -> _Spans:
+    """Of times (E,) since the epoch before: of epochs at equal intervals they are always the same."""
+    dt_s = np.frombuffer(dt_ns, dtype=np.int64) / NS_PER_S
+    near, full = (dt_s <= design.longest_gap_s)[:, None, None], np.maximum(design.window_s / dt_s, 1.0)[:, None, None]
+    return _Spans(dt_s, near, full, 1.0 / (full * design.window_s), 1.0 - 1.0 / full, _of_code_ps2(dt_s, design))
 
 
 def _carry_on(before: Floats, keep: Floats, new: Floats) -> None:

@@ -4,6 +4,7 @@ At a surveyed point only the receiver's clock is unknown, one per constellation.
 the satellite where all receivers see it alike, and of a receiver where one differs from the others.
 """
 
+from functools import reduce
 from math import sqrt
 from typing import NamedTuple
 
@@ -61,11 +62,13 @@ def without_clocks(of: ClockDesign, prefit_m: Floats) -> KnownPointResiduals:
 
 
 def seen_by_all(normalised: Floats) -> Floats:
-    """The satellite's statistic (E, S): the smallest of the receivers' |residuals|, 0 where their signs differ, NaN where one is missing.
+    """The satellite's statistic (..., S) of (..., R, S): the smallest of the receivers' |residuals|, 0 where their signs differ, NaN where
+    one is missing.
 
     A fault of the satellite shows in every receiver; a fault of one or two receivers leaves the smallest where it was.
     """
-    above, below = np.minimum.reduce(normalised, axis=1), -np.maximum.reduce(normalised, axis=1)  # by how much all are beyond zero
+    of = [normalised[..., r, :] for r in range(normalised.shape[-2])]
+    above, below = reduce(np.minimum, of), -reduce(np.maximum, of)  # by how much all are beyond zero
     statistic: Floats = np.maximum(np.maximum(above, below), 0.0)
     return statistic
 

@@ -45,7 +45,7 @@ def made(
     sin_el = np.broadcast_to(np.sin(np.deg2rad(np.linspace(10.0, 80.0, n))), (epochs, 1, n))
     ones = np.ones((epochs, n))
     natural = nature(sin_el, np.full((epochs, 1, n), CN0_DBHZ), ones, np.ones(n), ERRORS)
-    rate_mps = gauss_markov(rng, shape, interval_s, RATES_STAY_S) * np.sqrt(natural.ionosphere_m2ps2 + natural.troposphere_m2ps2)
+    rate_mps = gauss_markov(rng, shape, interval_s, RATES_STAY_S) * np.sqrt(natural.atmosphere_m2ps2)
     clock_m = ERRORS.clock_m * np.sqrt(interval_s) * rng.standard_normal(shape)
     phase_m = np.sqrt(natural.phase_m2) * rng.standard_normal(shape)
     code_m = np.sqrt(natural.code_m2) * gauss_markov(rng, shape, interval_s, ERRORS.code_correlation_s)

@@ -24,6 +24,7 @@ from integrity.gnss.signals import L1_HZ
 from integrity.messages import wayside_pb2 as pb
 from integrity.messages.carriers import decode_carriers, encode_carriers
 from integrity.monitors.carrier_residuals import TrackingMemory, continuing
+from integrity.sight import Sight
 from integrity.thresholds import Promises
 from integrity.triangle import reference_triangle
 from tests.unit.pairs import PAIRS_SITE, everything
@@ -155,6 +156,28 @@ def bits(of: Shown) -> dict[tuple[str, str], bytes]:
 def test_cutting_changes_no_bit(cuts: list[int]) -> None:
     events = with_another_set(50, 30.0)
     assert bits(watched(SITE, sights_of(SITE, events, cuts))) == bits(watched(SITE, sights_of(SITE, events)))
+
+
+def some_in_view(sight: Sight) -> Sight:
+    """Every second signal is out of view, one more until `BEGIN`."""
+    in_view = np.array(sight.sky.in_view)
+    in_view[:, ::2] = False
+    in_view[sight.block.epoch_ns < START_NS + BEGIN * NS_PER_S, 1] = False
+    return replace(sight, sky=replace(sight.sky, in_view=in_view))
+
+
+@pytest.mark.parametrize("cuts", [(10, 30), tuple(range(SECONDS))], ids=["in blocks", "epoch by epoch"])
+def test_what_is_out_of_view_is_left_out_and_changes_no_bit(cuts: Sequence[int]) -> None:
+    """Of a block only signals in view are computed, of an epoch all."""
+    events = with_another_set(50, 30.0)
+    whole, cut = (watched(SITE, [some_in_view(sight) for sight in sights_of(SITE, events, at)]) for at in ((), cuts))
+    assert bits(cut) == bits(whole)
+
+
+def test_a_signal_that_comes_into_view_is_watched_from_its_second_epoch_on() -> None:
+    of = watched(SITE, [some_in_view(sight) for sight in sights_of(SITE, stream(SECONDS), [BEGIN])])
+    name = sights_of(SITE, stream(SECONDS))[0].block.signals[1]
+    assert np.flatnonzero(np.isfinite(of.signals["step"][name])).tolist() == list(range(BEGIN + 1, SECONDS))
 
 
 @pytest.mark.parametrize("cut", [1, 20, 50, 65])

@@ -33,9 +33,7 @@ def changed(inputs: DivergenceInputs, by_m: Floats, receivers: slice = slice(Non
 
 def without_ionosphere(inputs: DivergenceInputs, c_m: Floats) -> DivergenceInputs:
     of = inputs.nature
-    return inputs._replace(
-        code_minus_carrier_m=c_m, nature=Nature(of.phase_m2, of.code_m2, 0.0 * of.ionosphere_m2ps2, of.troposphere_m2ps2)
-    )
+    return inputs._replace(code_minus_carrier_m=c_m, nature=Nature(of.phase_m2, of.code_m2, 0.0 * of.ionosphere_m2ps2, of.atmosphere_m2ps2))
 
 
 @pytest.fixture(scope="module")

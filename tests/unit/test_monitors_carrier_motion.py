@@ -101,9 +101,11 @@ AGREEING = {
 
 @pytest.mark.parametrize(("change_m", "left_m", "variance_m2"), AGREEING.values(), ids=AGREEING)
 def test_the_clock_is_the_mean_of_the_majority_that_agrees(change_m: list[float], left_m: list[float], variance_m2: list[float]) -> None:
-    left = without_clocks(np.array([change_m]), np.ones(len(change_m)), np.zeros(len(change_m), dtype=np.int64))
-    np.testing.assert_allclose(left.change_m[0], left_m, atol=1e-12)
-    np.testing.assert_allclose(np.broadcast_to(left.variance_m2, (1, len(change_m)))[0], variance_m2, atol=1e-12)
+    by_signal = np.array(change_m)[None, :, None, None]
+    known = np.isfinite(by_signal)
+    left = without_clocks(np.nan_to_num(by_signal), known, np.ones((1, len(change_m), 1, 1)), np.zeros(len(change_m), dtype=np.int64))
+    np.testing.assert_allclose(left.change_m[0, :, 0, 0], left_m, atol=1e-12)
+    np.testing.assert_allclose(left.variance_m2[0, :, 0, 0], variance_m2, atol=1e-12)
 
 
 def test_a_large_step_leaves_the_others_quiet() -> None:
