@@ -114,6 +114,7 @@ def check(
         "cn0": second_worst(streams.cn0_drop_db),
         "loss": second_worst(streams.lost_share),
         "host_time": around.heard.host_s,
+        "told": around.heard.fed.max(axis=1),
     }
     quiet = np.logical_and.reduce([~(statistic > limits[name]) for name, statistic in statistics.items()])
     memory, receivers = watch_receivers(

@@ -22,6 +22,7 @@ def evidence_of(decided: Decided, e: int, exclusions: tuple[Exclusion, ...], las
         named=_named(decided, e, last, place),
         collapsed=bool(full.naming.collapse_fit[e] <= limits.collapse_fit),
         captured=_captured(full, e, limits),
+        fed=decided.around.heard.fed[e] > limits["told"],
         exclusions=exclusions,
         enough_without_exclusion=bool(decided.alone.solution.n_used[e].min() >= limits.min_common_satellites),
         swapped=swapped_receivers(full.solution.e_enu_m[e], place.triangle, limits),

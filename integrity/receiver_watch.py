@@ -9,7 +9,7 @@ from integrity.assembler import AlignedEpoch
 from integrity.config import HostClock
 from integrity.gnss.observations import Bools, Floats, Ints
 from integrity.limits import Limits
-from integrity.monitors import clocks, signal, slow
+from integrity.monitors import clocks, signal, slow, told
 from integrity.monitors.residuals import ClockDesign
 from integrity.monitors.triangles import Variances
 
@@ -30,10 +30,12 @@ class ReceiverMemory(NamedTuple):
 
 
 class Heard(NamedTuple):
-    """What came with the epochs of a block beside measurements: gains (E, R), and by how much GNSS time and the host's differ, s (E,)."""
+    """What came with the epochs of a block beside measurements: gains (E, R), by how much GNSS time and the host's differ, s (E,), and of
+    how many satellites each receiver was `fed` another set than the others (E, R)."""
 
     gain: Floats
     host_s: Floats
+    fed: Floats
 
 
 class ReceiverStatistics(NamedTuple):
@@ -49,7 +51,8 @@ def heard_with(epochs: Sequence[AlignedEpoch], epoch_ns: Ints, receivers: Sequen
     """What came with aligned epochs."""
     arrived_ns = np.array([epoch.heard_mono_ns for epoch in epochs], dtype=np.int64)
     host_s = clocks.host_disagreement_s(epoch_ns, arrived_ns, [epoch.tick for epoch in epochs], host_clock)
-    return Heard(signal.gains([epoch.statuses for epoch in epochs], receivers), host_s)
+    fed = np.array([told.fed(epoch.disputes, receivers, epoch.epoch_ns) for epoch in epochs])
+    return Heard(signal.gains([epoch.statuses for epoch in epochs], receivers), host_s, fed)
 
 
 def watch_receivers(

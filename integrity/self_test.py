@@ -26,10 +26,10 @@ from integrity.gnss.ephemeris.states import Ephemerides
 from integrity.gnss.gps_time import NS_PER_S
 from integrity.gnss.observations import Bools
 from integrity.limits import Limits
-from integrity.monitors import navigation, slow
+from integrity.monitors import navigation, slow, told
 from integrity.receiver_watch import Heard, ReceiverMemory, heard_with
 from integrity.satellites import Watched
-from integrity.shadows import SLOW_STEP_NS, Shadow, Turn, false_sets, faults_of, of_ranges, of_receivers, slow_shift_m
+from integrity.shadows import SLOW_STEP_NS, Shadow, Turn, false_sets, faults_of, of_ranges, of_receivers, slow_shift_m, told_falsely
 from integrity.states import Outcome
 from integrity.stream_memory import StreamMemory, StreamStatistics, advance
 from integrity.verdict import Checks, passed_over
@@ -61,7 +61,7 @@ def silent_families(decided: Decided, e: int, place: Place) -> tuple[str, ...]:
     seen = [*_false_sets(turn, limits), *carriers_shown(turn, around.watched, points, limits)]
     past = Surroundings(
         streams=_disturbed(turn, around.streams, row, limits),
-        heard=_late(turn, around.heard, row, epoch, site),
+        heard=_beside(turn, around.heard, row, epoch, site, limits),
         watched=_told(around.watched, e, row, seen),
         receivers=_standing_off(turn, limits),
     )
@@ -90,7 +90,7 @@ def _of_the_rest(turn: Turn) -> list[Shadow]:
     """Copies whose residuals are sound: what is wrong with them stands elsewhere."""
     sound, used = np.zeros(turn.sight.at_points.residual_m.shape[1:]), turn.full.used[turn.e]
     few = used & (np.cumsum(used) <= FEW_SATELLITES)
-    names = ["ephemeris", "reissued", "orbit", *CARRIER_CHECKS, "host_time", "repeat"]
+    names = ["ephemeris", "reissued", "orbit", *CARRIER_CHECKS, "host_time", "told", "repeat"]
     names += ["cn0"] * (len(_pair_of(turn, _heard(turn))) == 2) + ["loss"] * (len(_pair_of(turn, _tracking(turn))) == 2)
     return [Shadow("data", sound, few), *(Shadow(name, sound, used) for name in names)]
 
@@ -106,8 +106,8 @@ def _standing_off(turn: Turn, limits: Limits) -> ReceiverMemory:
     return memory._replace(slow=after)
 
 
-def _late(turn: Turn, heard: Heard, row: dict[str, int], epoch: AlignedEpoch, site: SiteConfig) -> Heard:
-    """What came with the copies: with that for host time, a tick of an hour that cannot be."""
+def _beside(turn: Turn, heard: Heard, row: dict[str, int], epoch: AlignedEpoch, site: SiteConfig, limits: Limits) -> Heard:
+    """What came with the copies: with that for host time, a tick of an hour that cannot be; with another, false sets at one receiver."""
     n, e = len(row), turn.e
     host_s = np.repeat(heard.host_s[e : e + 1], n)
     tick = epoch.tick
@@ -115,7 +115,10 @@ def _late(turn: Turn, heard: Heard, row: dict[str, int], epoch: AlignedEpoch, si
         later = replace(tick, utc_ns=tick.utc_ns + round(HOST_TIME_S * NS_PER_S) + 2 * tick.utc_uncertainty_ns)
         at_ns = turn.sight.block.epoch_ns[e : e + 1]
         host_s[row["host_time"]] = heard_with([replace(epoch, tick=later)], at_ns, site.receiver_names, site.host_clock).host_s[0]
-    return Heard(np.repeat(heard.gain[e : e + 1], n, axis=0), host_s)
+    fed = np.repeat(heard.fed[e : e + 1], n, axis=0)
+    disputes = told_falsely(turn, limits["ephemeris"])
+    fed[row["told"]] = told.fed(disputes, site.receiver_names, max([of.from_ns for of in disputes], default=0))
+    return Heard(np.repeat(heard.gain[e : e + 1], n, axis=0), host_s, fed)
 
 
 def _pair_of(turn: Turn, receivers: Bools) -> list[int]:

@@ -24,6 +24,7 @@ from integrity.gnss.observations import Bools, Floats
 from integrity.gnss.positioning import URA_NOMINAL_M
 from integrity.limits import ALL_FAMILIES
 from integrity.monitors import navigation, slow
+from integrity.monitors.told import Dispute, dispute
 from integrity.probability import detectable_noncentrality
 from integrity.sight import Sight
 from integrity.thresholds import Promises
@@ -225,6 +226,19 @@ def false_sets(turn: Turn, columns: list[int]) -> tuple[list[Ephemeris], list[Ep
     before = [turn.sight.sky.ephemerides[int(turn.sight.sky.index[turn.e, s])] for s in columns]
     along_m = turn.faults.ephemeris * sqrt(2.0) * max(before[0].accuracy_m or 0.0, URA_NOMINAL_M)
     return before, [_ahead(before[0], along_m), _ahead(before[1], LAST_BIT_M), _off_orbit(before[2])]
+
+
+def told_falsely(turn: Turn, most_change: float) -> list[Dispute]:
+    """What is disputed where one receiver is told of two satellites that they are elsewhere."""
+    names, r = turn.triangle.names, turn.receiver
+    usable = np.flatnonzero(turn.full.used[turn.e]).tolist()
+    found = []
+    for more in range(2):
+        true = turn.sight.sky.ephemerides[int(turn.sight.sky.index[turn.e, turn.among(usable, more)])]
+        false = _ahead(true, turn.faults.ephemeris * sqrt(2.0) * max(true.accuracy_m or 0.0, URA_NOMINAL_M))
+        of = dispute({name: false if name == names[r] else true for name in names}, most_change)
+        found += [of] if of is not None else []
+    return found
 
 
 def _ahead(eph: Ephemeris, along_m: float) -> Ephemeris:

@@ -56,6 +56,7 @@ class Evidence(NamedTuple):
     named: Bools  # (R,) the receiver that the naming rules name, if any
     collapsed: bool  # the solved points are one point
     captured: Bools  # (R,) receivers of pairs that hear one transmitter, by their ranges
+    fed: Bools  # (R,) receivers that were told of several satellites otherwise than the others
     exclusions: tuple[Exclusion, ...]
     enough_without_exclusion: bool  # the common set would be large enough with the excluded satellites
     swapped: str  # a permutation of the surveyed points that fits what was solved, in words
@@ -138,6 +139,8 @@ def cause_of(outcome: Mapping[str, Outcome], bad: set[str], evidence: Evidence) 
         return Cause.SPOOFING, evidence.receivers, ("collapse",)
     if outcome["capture"] == Outcome.FAIL and evidence.captured.any():
         return Cause.SPOOFING, _chosen(evidence.receivers, evidence.captured), ("capture",)
+    if outcome["told"] == Outcome.FAIL:
+        return Cause.SPOOFING, _chosen(evidence.receivers, evidence.fed), ("told",)
     if shape_holds and Outcome.FAIL in (outcome["common"], outcome["common_3d"]):
         return Cause.SPOOFING, (), ("common", "common_3d")
     if evidence.exclusions and bad <= set(circles):  # without it all fits, or the sky left is too weak

@@ -4,7 +4,7 @@ A receiver that is told another set than the others is being fed one, or its wor
 against one name it; of two that differ nobody can be named.
 """
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import fields
 from functools import lru_cache
 from itertools import combinations
@@ -18,6 +18,7 @@ from integrity.gnss.constants import SPEED_OF_LIGHT_MPS
 from integrity.gnss.ephemeris.broadcast import Ephemeris, group_delays_s
 from integrity.gnss.gps_time import NS_PER_S
 from integrity.gnss.navigation.collector import ARRIVES_WITHIN_NS
+from integrity.gnss.observations import Floats
 from integrity.gnss.positioning import URA_NOMINAL_M
 from integrity.monitors.navigation import SAME_WITHIN_M, compared, is_usable, message_of
 
@@ -47,6 +48,13 @@ class Dispute(NamedTuple):
     issues: tuple[int, ...]
     from_ns: int
     until_ns: int
+
+
+def fed(disputes: Sequence[Dispute], receivers: Sequence[str], epoch_ns: int) -> Floats:
+    """Of how many satellites each receiver was told otherwise than all others, at an epoch, (R,): one may be words that were damaged beyond
+    what parity finds, of several it is being fed."""
+    odd = {(of.odd, of.satellite) for of in disputes if of.from_ns <= epoch_ns <= of.until_ns}
+    return np.array([sum(name == receiver for name, _ in odd) for receiver in receivers], dtype=np.float64)
 
 
 class _Contradiction(NamedTuple):

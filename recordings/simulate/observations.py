@@ -31,6 +31,7 @@ CUT_OFF_RAD = math.radians(5.0)
 LIGHT_TIME_ITERATIONS = 3  # each shrinks the error by v / c: from 20 ms to below 1e-15 s
 CODE_OF_SYSTEM = {"G": "1C", "E": "1C"}
 SECOND_CODE_OF_SYSTEM = {"G": "2L", "E": "7Q"}  # as receivers of u-blox generation 9 have them
+MOST_AMBIGUITY_CYCLES = 4000  # MSM tells carriers that are less than 1,171 m from their range: RTCM 10403.3, DF401, DF406
 LONGEST_LOCK_MS = 64_500.0  # a u-blox receiver counts no further (interface description of HPG 1.51, UBX-RXM-RAWX)
 
 Motion = Callable[[Ints], tuple[Floats, Floats]]
@@ -247,7 +248,7 @@ def _measured(
     clock_m = SPEED_OF_LIGHT_MPS * clocks.bias_s[:, :, None] - sky.satellite_clock_m
     clock_mps = SPEED_OF_LIGHT_MPS * clocks.drift_sps[:, :, None] - sky.satellite_clock_mps
     neutral_m = sky.range_m + clock_m + sky.troposphere_m
-    ambiguity = [[generator(seed, f"ambiguity/{r}/{s}").integers(-1_000_000, 1_000_000) for s in processes] for r in receivers]
+    ambiguity = [[generator(seed, f"ambiguity/{r}/{s}").integers(-MOST_AMBIGUITY_CYCLES, MOST_AMBIGUITY_CYCLES) for s in processes] for r in receivers]
     return {
         "pseudorange_m": _rounded(neutral_m + sky.ionosphere_m + spoiled.code_m, 1024),
         "carrier_cycles": _rounded((neutral_m - sky.ionosphere_m + spoiled.carrier_m) / wavelength_m + np.array(ambiguity), 1024),

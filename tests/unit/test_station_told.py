@@ -16,7 +16,7 @@ from integrity.messages.snapshots import decode_snapshot, encode_snapshot
 from integrity.monitors.told import FOLLOW_NS
 from integrity.outputs import Output
 from integrity.reception import Reception
-from integrity.states import State
+from integrity.states import Cause, State
 from integrity.station_monitor import StationMonitor
 from recordings.faults.orbits import displaced
 from tests.unit.long_streams import NEW_SETS, Form, around, sent, sets_changed, site_of
@@ -54,10 +54,21 @@ def seconds_of(outputs: Sequence[Output], reason: str) -> list[int]:
 
 
 @of_each_form
-@pytest.mark.parametrize("satellites", ["G16", ""], ids=["one satellite", "a constellation"])
-def test_what_one_receiver_is_told_decides_nothing(form: Form, satellites: str) -> None:
-    fed, sound = (decided(told(form, receivers, satellites), site_of(form)) for receivers in ("B", ""))
+def test_what_one_receiver_is_told_of_one_satellite_decides_nothing(form: Form) -> None:
+    fed, sound = (decided(told(form, receivers, "G16"), site_of(form)) for receivers in ("B", ""))
     assert published(fed) == published(sound)
+
+
+@of_each_form
+def test_nothing_is_decided_before_all_have_had_the_time_to_be_told_the_same(form: Form) -> None:
+    first = next(h for h in health(decided(told(form, "B", ""), site_of(form))) if h.cause is Cause.SPOOFING)
+    assert ((first.gps_time_ns or 0) - NEW_SETS) // NS_PER_S in range(FOLLOW_NS // NS_PER_S, FOLLOW_NS // NS_PER_S + 2)
+
+
+@of_each_form
+def test_a_receiver_that_is_told_of_several_satellites_otherwise_is_being_spoofed(form: Form) -> None:
+    last = health(decided(told(form, "B", ""), site_of(form)))[-1]
+    assert (last.state, last.cause, last.subjects, last.excluded) == (State.SATELLITE_ANOMALY, Cause.SPOOFING, ("B",), ())
 
 
 @of_each_form

@@ -72,9 +72,10 @@ def evidence(
     enough_without_exclusion: bool = False,
     swapped: str = "",
     captured: Iterable[str] = (),
+    fed: Iterable[str] = (),
 ) -> Evidence:
-    repeats, names, hears = (np.isin(RECEIVERS, list(chosen)) for chosen in (repeating, named, captured))
-    return Evidence(RECEIVERS, repeats, names, collapsed, hears, exclusions, enough_without_exclusion, swapped)
+    repeats, names, hears, told = (np.isin(RECEIVERS, list(chosen)) for chosen in (repeating, named, captured, fed))
+    return Evidence(RECEIVERS, repeats, names, collapsed, hears, told, exclusions, enough_without_exclusion, swapped)
 
 
 def checks(**outcomes: Outcome) -> Checks:
@@ -290,6 +291,11 @@ def test_clean_epochs_of_the_triangle_are_those_without_a_verdict_of_it(name: st
 def test_a_captured_pair_is_spoofing_of_these_two() -> None:
     said = verdict(evidence(captured=("A", "C")), capture=FAIL, shape=FAIL)
     assert (said.cause, said.subjects) == (Cause.SPOOFING, ("A", "C"))
+
+
+def test_a_receiver_that_is_told_otherwise_than_the_others_is_spoofed() -> None:
+    said = verdict(evidence(fed=("B",)), told=FAIL)
+    assert (said.cause, said.subjects) == (Cause.SPOOFING, ("B",))
 
 
 def test_a_pair_that_does_not_fit_one_transmitter_is_not_called_spoofed() -> None:
