@@ -84,8 +84,6 @@ def watch(memory: CarrierMemory, sight: Sight, points: Points, design: CarrierDe
         motion, moved = carrier_motion.advance(motion, of_motion, design.motion)
         apart, left = divergence.advance(apart, of_code, design.divergence)
         found = seen_by_all(np.concatenate((moved.sigmas, left.sigmas)))
-        found = seen_by_all(np.concatenate((moved.sigmas, left.sigmas)))
-        found = seen_by_all(np.concatenate((moved.sigmas, left.sigmas)))
         if seen.columns is None:
             shown[:, few] = found
         else:

@@ -51,6 +51,7 @@ class Exclusion:
 
 
 Table = Mapping[str, Exclusion]
+AT_A_TIME = 64  # epochs that are looked at together while a satellite is out
 
 
 @dataclass(frozen=True)
@@ -82,24 +83,85 @@ def walk(
     epoch_ns: Ints,
     limits: Limits,
 ) -> Walk:
-    """Screening with memory: for each epoch of the block, which satellites are used. Epochs without a suspect cost nothing.
+    """Screening with memory: for each epoch of the block, which satellites are used. Epochs without a suspect cost nothing, those in which
+    nothing is wrong but what is out already, little.
 
     `on_screened` is what the satellites show when all that were screened are used.
     """
-    quiet = (on_screened.worst_residual <= limits["residual"]) & (on_screened.worst_b <= limits["b_value"])
-    for of in inputs.watched:
-        quiet &= ~np.logical_or.reduce(of.exceeds & inputs.screened, axis=-1)
-    quiet &= ~np.logical_or.reduce(on_screened.displacements > limits["constellation"], axis=-1)
+    quiet = _quiet(inputs, on_screened, inputs.screened, limits)
     used = np.array(inputs.screened)
     tables: list[Table] = []
     channels: list[tuple[Channel, ...]] = []
+    rest: _Rest | None = None
     for e in range(len(epoch_ns)):
         left_out: tuple[Channel, ...] = ()
-        if table or not quiet[e]:
+        if table:
+            rest = rest if rest is not None and rest.is_of(table, e) else _without(inputs, table, satellites, e, limits)
+        if table and rest is not None and rest.quiet[e - rest.first]:
+            used[e], table = rest.used[e - rest.first], rest.seen_again(table, e, int(epoch_ns[e]), limits)
+        elif table or not quiet[e]:
             used[e], table, left_out = _epoch(table, inputs.epoch(e), receivers, satellites, int(epoch_ns[e]), limits)
         tables.append(table)
         channels.append(left_out)
     return Walk(used, tables, channels, table)
+
+
+def _quiet(inputs: SatelliteInputs, shown: SatelliteStatistics, among: Bools, limits: Limits) -> Bools:
+    """Epochs (E,) in which nothing is wrong with the satellites `among` (E, S), which show `shown`."""
+    quiet: Bools = (shown.worst_residual <= limits["residual"]) & (shown.worst_b <= limits["b_value"])
+    for of in inputs.watched:
+        quiet &= ~np.logical_or.reduce(of.exceeds & among, axis=-1)
+    quiet &= ~np.logical_or.reduce(shown.displacements > limits["constellation"], axis=-1)
+    return quiet
+
+
+class _Rest(NamedTuple):
+    """Some epochs, from the `first` on, without the satellites that are `out`: which remain, `used` (n, S); where nothing is wrong with
+    them, `quiet` (n,); and of each that is out where it is `seen`, and where it is `clean`, (n,)."""
+
+    first: int
+    out: frozenset[str]
+    used: Bools
+    quiet: Bools
+    seen: Mapping[str, Bools]
+    clean: Mapping[str, Bools]
+
+    def is_of(self, table: Table, e: int) -> bool:
+        """Whether an epoch is one of these, without these satellites."""
+        return e < self.first + len(self.quiet) and self.out == table.keys()
+
+    def seen_again(self, table: Table, e: int, gps_ns: int, limits: Limits) -> Table:
+        """The table after an epoch."""
+        k = e - self.first
+        after = {
+            satellite: _seen_again(of, bool(self.clean[satellite][k]), gps_ns, limits) if self.seen[satellite][k] else of
+            for satellite, of in table.items()
+        }
+        return {satellite: of for satellite, of in after.items() if of is not None}
+
+
+def _without(inputs: SatelliteInputs, table: Table, satellites: tuple[str, ...], first: int, limits: Limits) -> _Rest:
+    """Of the next epochs, those of a constellation that is out left to `_epoch`: it keeps its own clock."""
+    few = inputs.epochs(slice(first, first + AT_A_TIME))
+    remaining = few.screened & ~np.isin(satellites, list(table))
+    used = without_lone_satellites(remaining, few.system_of, few.n_systems)
+    shown = few.statistics(used)
+    quiet = _quiet(few, shown, remaining, limits)
+    if any(of.check == "constellation" for of in table.values()):
+        quiet[:] = False
+    known = few.screened & np.isfinite(shown.residual_sigmas)
+    fails = ~(shown.residual_sigmas <= limits["residual"])
+    for of in few.watched:
+        fails |= of.exceeds
+    columns = {satellite: np.array([s == satellite for s in satellites]) for satellite in table}
+    return _Rest(
+        first,
+        frozenset(table),
+        used,
+        quiet,
+        {satellite: (known & own).any(axis=-1) for satellite, own in columns.items()},
+        {satellite: (known & own & ~fails).any(axis=-1) for satellite, own in columns.items()},
+    )
 
 
 def without_channels(walked: Walk, satellites: tuple[str, ...], epochs: Bools) -> Walk:

@@ -1,9 +1,13 @@
 """Tails of chi-square statistics, and how often a correlated one crosses its threshold.
 
 A statistic here is a sum of squares of `dof` independent first-order Gauss-Markov processes of unit variance, looked at once an
-epoch. It exceeds its threshold in episodes: several looks in a row count as one alarm, so that the rate of alarms is
-P (1 - P(exceeds at the next look | exceeds)) per look, not P.
+epoch. It exceeds its threshold in alarms: several looks in a row count as one, so that the rate of alarms is
+P (1 - P(exceeds at the next look | exceeds)) per look, not P. Alarms come in clusters, since what has just exceeded is near its threshold:
+those of one episode have at most a stated number of `clear` looks between them.
 """
+
+from collections.abc import Callable
+from math import exp, pi, sqrt
 
 import numpy as np
 from scipy.special import chdtrc, chdtri, chndtr, ndtr, ndtri
@@ -43,14 +47,47 @@ def exceeds_again(threshold: float, dof: int, correlation: float) -> float:
 
 
 def tail_for_alarm_rate(alarms_per_year: float, looks_per_year: float, dof: int, correlation: float) -> float:
-    """The probability P per look for which episodes come at the given rate; solved by bisection in log P between 1e-15 and 0.1."""
-    low, high = -15.0, -1.0
-    for _ in range(50):
-        middle = (low + high) / 2.0
-        tail = 10.0**middle
-        episodes = looks_per_year * tail * (1.0 - exceeds_again(chi2_quantile(tail, dof), dof, correlation))
-        low, high = (middle, high) if episodes < alarms_per_year else (low, middle)
-    return float(10.0**low)
+    """The probability P per look for which alarms come at the given rate; between 1e-15 and 0.1."""
+    return _tail_for(
+        alarms_per_year / looks_per_year, lambda tail: tail * (1.0 - exceeds_again(chi2_quantile(tail, dof), dof, correlation))
+    )
+
+
+def episodes_per_look(tail: float, dof: int, correlation: float, clear: int) -> float:
+    """How often per look a statistic exceeds the threshold of `tail` after at least `clear` looks at which it did not; clear >= 1.
+
+    Near its threshold b the length of the vector moves like a random walk: in n looks back by D = b - (dof - 1) / b times 1 - a^n, with
+    variance 1 - a^(2 n). Of its alarms, the share that is the last one for n looks is G(y_n) / G(y_1) with
+
+        y_n = D sqrt((1 - a^n) / (1 + a^n)),  G(y) = Phi(y) + phi(y) / y,
+
+    exact in continuous time (excursions of a drifting Brownian motion below a level; for n without bound the rate is f(b) D / tau, that of
+    the Poisson clumping heuristic, Aldous 1989) and for n = 1; for walks in between within 2 %, by Spitzer's identity. For n without bound
+    the share is the approximation of Siegmund's nu (Siegmund, Yakir 2007, The Statistics of Gene Mapping). Against simulated processes
+    within 5 % for P <= 1e-3, dof 1 to 6, time constants of a third of a look to 300 looks.
+    """
+    b = sqrt(chi2_quantile(tail, dof))
+    drift = b - (dof - 1) / b
+
+    def G(looks: int) -> float:
+        a = correlation**looks
+        y = drift * sqrt((1.0 - a) / (1.0 + a))
+        return float(ndtr(y)) + exp(-0.5 * y * y) / (sqrt(2.0 * pi) * y)
+
+    return tail * (1.0 - exceeds_again(b * b, dof, correlation)) * G(clear) / G(1)
+
+
+def tail_for_episode_rate(episodes_per_year: float, looks_per_year: float, dof: int, correlation: float, clear: int) -> float:
+    """The probability P per look for which episodes come at the given rate; between 1e-15 and 0.1."""
+    return _tail_for(episodes_per_year / looks_per_year, lambda tail: episodes_per_look(tail, dof, correlation, clear))
+
+
+def _tail_for(per_look: float, rate: Callable[[float], float]) -> float:
+    """Rates are nearly proportional to tails: a dozen steps by their ratio lead to 1e-9."""
+    tail = per_look
+    for _ in range(12):
+        tail = min(max(tail * per_look / rate(tail), 1e-15), 0.1)
+    return tail
 
 
 def detectable_noncentrality(threshold: float, dof: int, missed_detection: float) -> float:

@@ -50,7 +50,10 @@ class SatelliteInputs(NamedTuple):
 
     def epoch(self, e: int) -> "SatelliteInputs":
         """The same for one epoch, as a block of one."""
-        s = slice(e, e + 1)
+        return self.epochs(slice(e, e + 1))
+
+    def epochs(self, s: slice) -> "SatelliteInputs":
+        """The same for some epochs."""
         return self._replace(
             prefit_m=self.prefit_m[s],
             los_enu=self.los_enu[:, s],

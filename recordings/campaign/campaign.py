@@ -4,6 +4,7 @@ from collections.abc import Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass
 from functools import lru_cache
+from itertools import islice
 from math import cos, degrees, pi, sin, sqrt
 from pathlib import Path
 from typing import NamedTuple
@@ -16,11 +17,16 @@ from integrity.gnss.gps_time import NS_PER_S
 from integrity.gnss.signals import satellite_of
 from integrity.limits import derive
 from integrity.triangle import reference_triangle
-from recordings.campaign.catalogue import CATALOGUE, Draw, Guilty, Threat
+from recordings.campaign.catalogue import CATALOGUE
 from recordings.campaign.stage import Stage, recorded_stage, stage_of
-from recordings.campaign.trial import Trial, play
+from recordings.campaign.threat import Draw, Guilty, Threat
+from recordings.campaign.trial import EPOCHS_AFTER, Trial, play
 from recordings.faults import Fault
 from recordings.simulate.observations import simulate
+
+ATTEMPTS = 5  # to draw a trial in which the fault changes something: satellites may outrun a front
+LEAST_EPOCHS = 10  # that a fault lasts, on recordings of an epoch in half a minute
+WATCHED_S = 60.0  # of GNSS time after the first alert: what a trial that is not played to its end still counts
 
 
 @dataclass(frozen=True)
@@ -45,7 +51,11 @@ Source = Simulated | Recorded
 
 @dataclass(frozen=True)
 class Plan:
-    """On which stages, how many trials of each size of a threat on each, and what `seed` draws the moments, satellites and receivers."""
+    """On which stages, how many trials of each size of a threat on each, and what `seed` draws the moments, satellites and receivers.
+
+    The first trial of each size on the first stage is played to its end, the others until `WATCHED_S` after the first alert: the faults
+    that last longest would cost twice as much as all others together, and what they add is the same alert again.
+    """
 
     sources: tuple[Source, ...]
     trials: int
@@ -106,31 +116,33 @@ def _played(plan: Plan, piece: Piece) -> list[Played]:
     found: list[Played] = []
     for size in threat.sizes:
         for number in range(plan.trials):
-            played = _one(stage, threat, size, chance, tolerable_m, number)
-            if played is not None:
-                found.append(played)
+            watched_s = None if piece.source == number == 0 else WATCHED_S
+            attempts = (_one(stage, threat, size, chance, tolerable_m, number, watched_s) for _ in range(ATTEMPTS))
+            found += islice((one for one in attempts if one is not None), 1)
     return found
 
 
-def _one(stage: Stage, threat: Threat, size: float, chance: np.random.Generator, tolerable_m: float, number: int) -> Played | None:
+def _one(
+    stage: Stage, threat: Threat, size: float, chance: np.random.Generator, tolerable_m: float, number: int, watched_s: float | None
+) -> Played | None:
     """One trial; None where the fault would change nothing (no ephemeris of the satellite comes in time, no front reaches it)."""
-    start_ns = _moment(stage, threat.duration_s, chance)
+    lasts_ns = max(round(threat.duration_s * NS_PER_S), LEAST_EPOCHS * stage.site.epoch_interval_ns)
+    start_ns = _moment(stage, lasts_ns, chance)
     draw = _draw(stage, start_ns, chance)
-    end_ns = start_ns + round(threat.duration_s * NS_PER_S)
-    faults = [Fault(start_ns, end_ns, effect) for effect in threat.effects(size, draw)]
+    end_ns, apart_ns = start_ns + lasts_ns, round(threat.apart_s * NS_PER_S)
+    faults = [Fault(start_ns + k * apart_ns, end_ns, effect) for k, effect in enumerate(threat.effects(size, draw))]
     try:
-        trial = play(stage, faults, tolerable_m, number)
+        trial = play(stage, faults, tolerable_m, number, watched_s, EPOCHS_AFTER if threat.abrupt else 0)
     except ConfigError:
         return None
     guilty: Guilty = threat.guilty(draw)
     return Played(threat.id, size, trial, frozenset(name for name in trial.named if not guilty.may_be(name)))
 
 
-def _moment(stage: Stage, duration_s: float, chance: np.random.Generator) -> int:
-    last_ns = stage.epoch_ns[-1] - round(duration_s * NS_PER_S)
-    moments = [t for t in stage.normal_ns if t <= last_ns]
+def _moment(stage: Stage, lasts_ns: int, chance: np.random.Generator) -> int:
+    moments = stage.sound_for(lasts_ns + EPOCHS_AFTER * stage.site.epoch_interval_ns)
     if not moments:
-        raise RecordingError(f"{stage.name}: no {duration_s:g} s that begin in NORMAL; give a longer recording, in which nothing is wrong")
+        raise RecordingError(f"{stage.name}: no {lasts_ns / NS_PER_S:g} s of NORMAL; give a longer recording, in which nothing is wrong")
     return moments[int(chance.integers(len(moments)))]
 
 
@@ -140,9 +152,11 @@ def _draw(stage: Stage, gps_ns: int, chance: np.random.Generator) -> Draw:
     azimuth_rad = chance.uniform(0.0, 2.0 * pi)
     x, y, z = chance.standard_normal(3).tolist()
     norm = sqrt(x * x + y * y + z * z)
+    receivers = [stage.site.receivers[i] for i in chance.permutation(len(stage.site.receivers)).tolist()]
     return Draw(
         satellite=satellites[int(chance.integers(len(satellites)))],
-        receivers=tuple(stage.site.receiver_names[i] for i in chance.permutation(len(stage.site.receivers)).tolist()),
+        receivers=tuple(receiver.name for receiver in receivers),
+        points_ecef_m=tuple(receiver.position_ecef_m for receiver in receivers),
         east=sin(azimuth_rad),
         north=cos(azimuth_rad),
         azimuth_deg=degrees(azimuth_rad),

@@ -5,6 +5,7 @@ import os
 import platform
 import sys
 import time
+from importlib.metadata import version
 from pathlib import Path
 from typing import Annotated
 
@@ -14,7 +15,7 @@ SAMPLE_SITE = Path(__file__).resolve().parents[1] / "samples" / "site.toml"
 START = "2026-03-02T00:00:00Z"
 STAGE_S = 1800.0
 SMALL_STAGES, SMALL_TRIALS = 2, 2
-FULL_STAGES, FULL_TRIALS = 4, 10
+FULL_STAGES, FULL_TRIALS = 4, 6
 
 Site = Annotated[Path | None, typer.Argument(metavar="SITE", help="Site file; by default the sample's.", show_default=False)]
 Recordings = Annotated[
@@ -26,8 +27,10 @@ Full = Annotated[bool, typer.Option("--full", help=f"{FULL_STAGES} simulated sta
 Seed = Annotated[int, typer.Option("--seed", min=0, help="Of everything drawn.")]
 Plot = Annotated[Path | None, typer.Option("--plot", metavar="OUT.svg", help="A picture of all of it (SVG).", show_default=False)]
 Out = Annotated[
-    Path | None, typer.Option("-o", "--out", metavar="DIR", help="Write results.json and results.svg there.", show_default=False)
+    Path | None,
+    typer.Option("-o", "--out", metavar="DIR", help="Write results.json, .svg and .md there.", show_default=False),
 ]
+Table = Annotated[bool, typer.Option("--table", help="A Markdown table on stdout, a line a threat.")]
 Json = Annotated[bool, typer.Option("--json", help="One JSON object on stdout.")]
 
 
@@ -40,6 +43,7 @@ def campaign(
     seed: Seed = 1,
     plot: Plot = None,
     out: Out = None,
+    table: Table = False,
     as_json: Json = False,
 ) -> None:
     """Every fault of the catalogue, in every size, on streams in which nothing was wrong: what is caught, how soon, and who is named.
@@ -53,7 +57,8 @@ def campaign(
     from recordings.campaign.campaign import Plan, Played, Recorded, Simulated, stage_from, tolerance_m
     from recordings.campaign.campaign import campaign as played_in
     from recordings.campaign.picture import campaign_svg
-    from recordings.campaign.summary import as_json_object, explain, refuse_unknown
+    from recordings.campaign.summary import as_json_object, explain, refuse_unknown, took
+    from recordings.campaign.table import table_md
     from recordings.campaign.theory import FULL, SMALL, theory
     from recordings.site_file import load_site
 
@@ -78,14 +83,17 @@ def campaign(
         of_site = stage_from(plan.sources[0]).site
         found["theory"] = theory(of_site, tolerance_m(of_site), FULL if full else SMALL, seed, jobs)
     _progress("")
-    found["machine"] = f"{platform.machine()}, {os.cpu_count()} processors, {jobs} in use, Python {platform.python_version()}"
+    found["machine"] = (
+        f"{platform.machine()}, {os.cpu_count()} processors, {jobs} in use, Python {platform.python_version()}, numpy {version('numpy')}"
+    )
     found["wall_s"] = round(time.monotonic() - began_s, 1)
     text = json.dumps(found, indent=2)
     for path in pictures:
         path.write_text(campaign_svg(found), "utf-8")
     if out:
         (out / "results.json").write_text(text + "\n", "utf-8")
-    print(text if as_json else explain(found))
+        (out / "results.md").write_text(table_md(found), "utf-8")
+    print(text if as_json else table_md(found) if table else f"{explain(found)}\n{took(found)}")
 
 
 def _progress(words: str) -> None:

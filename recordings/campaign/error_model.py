@@ -14,12 +14,10 @@ from integrity.gnss.positioning import range_sigma_m
 from integrity.limits import Limits, derive
 from integrity.monitors.residuals import KnownPointResiduals, b_values_m, known_point_residuals, normalised_b_values, seen_by_all, worst
 from integrity.monitors.triangles import TriangleStatistics, Variances, promised_m2, triangle_statistics, variances_of
+from integrity.thresholds import REFERENCE_SKY_RAD
 from integrity.triangle import ReferenceTriangle, reference_triangle
 
-# Of one constellation: eight satellites evenly spread over the sky above 5 deg, and last the one under test, at the elevation for which
-# `limits` states what is caught. Own choice.
-SKY_ELEVATION_RAD = np.append(np.arcsin(np.sin(np.deg2rad(5.0)) + (np.arange(8) + 0.5) / 8 * (1.0 - np.sin(np.deg2rad(5.0)))), np.pi / 4)
-UNDER_TEST = len(SKY_ELEVATION_RAD) - 1
+UNDER_TEST = len(REFERENCE_SKY_RAD) - 1
 
 
 @dataclass(frozen=True, eq=False)
@@ -98,6 +96,6 @@ def error_model(site: SiteConfig) -> ErrorModel:
         var=variances_of(common_m2[None], own_m2[None], triangle),
         sigma_common_m=np.sqrt(common_m2),
         sigma_own_m=np.sqrt(own_m2),
-        range_sigma_m=range_sigma_m(SKY_ELEVATION_RAD, promises.sigma_range_m, promises.sigma_range_low_m),
-        range_own_m=range_sigma_m(SKY_ELEVATION_RAD, promises.sigma_range_differential_m, promises.sigma_range_differential_low_m),
+        range_sigma_m=range_sigma_m(REFERENCE_SKY_RAD, promises.sigma_range_m, promises.sigma_range_low_m),
+        range_own_m=range_sigma_m(REFERENCE_SKY_RAD, promises.sigma_range_differential_m, promises.sigma_range_differential_low_m),
     )

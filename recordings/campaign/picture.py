@@ -22,7 +22,7 @@ from recordings.report.svg import GRID, INK, QUIET, WHITE, Box, Drawing, fitted,
 
 WIDTH_PX, MARGIN_PX, LABELS_PX = 1280.0, 30.0, 46.0
 COLUMNS, GAP_PX = 4, 20.0
-TOP_PX, ROW_PX, PLOT_PX = 172.0, 196.0, 92.0
+TOP_PX, ROW_PX, PLOT_PX = 187.0, 209.0, 92.0
 THEORY_PX = 330.0
 PERCENT_TICKS = [(0.0, "0 %"), (0.5, "50 %"), (1.0, "100 %")]
 
@@ -36,7 +36,7 @@ def campaign_svg(found: Mapping[str, Any]) -> str:
     drawing = Drawing()
     _header(drawing, found)
     for i, threat in enumerate(threats):
-        _threat(drawing, plot_box(i % COLUMNS, TOP_PX + i // COLUMNS * ROW_PX, PLOT_PX), threat)
+        _threat(drawing, plot_box(i % COLUMNS, TOP_PX + i // COLUMNS * ROW_PX, PLOT_PX), threat, found["radius_m"])
     if "theory" in found:
         drawing.line(MARGIN_PX, below_px - 14, WIDTH_PX - MARGIN_PX, below_px - 14, stroke=GRID)
         draw_theory(drawing, [plot_box(i, below_px + 62, 190.0) for i in range(COLUMNS)], below_px + 12, MARGIN_PX, found["theory"])
@@ -67,11 +67,11 @@ def _header(drawing: Drawing, found: Mapping[str, Any]) -> None:
     drawing.text(MARGIN_PX, 66, fitted(facts, 13, WIDTH_PX - 2 * MARGIN_PX), 13)
     about = f"{found['software']}, site {', '.join(found['sites'])}, seed {found['seed']}. Sizes are evenly spaced, not to scale."
     drawing.text(MARGIN_PX, 85, fitted(about, 11.5, WIDTH_PX - 2 * MARGIN_PX), 11.5, fill=QUIET)
-    _legend(drawing, 108.0)
-    drawing.line(MARGIN_PX, 124, WIDTH_PX - MARGIN_PX, 124, stroke=GRID)
+    _legend(drawing, 108.0, found)
+    drawing.line(MARGIN_PX, 139, WIDTH_PX - MARGIN_PX, 139, stroke=GRID)
 
 
-def _legend(drawing: Drawing, y: float) -> None:
+def _legend(drawing: Drawing, y: float, found: Mapping[str, Any]) -> None:
     x = MARGIN_PX
     for words, stroke, fill, dash in (
         ("all monitors: share of trials caught, 95 % bars", ALL_MONITORS, ALL_MONITORS, "none"),
@@ -87,10 +87,14 @@ def _legend(drawing: Drawing, y: float) -> None:
     drawing.text(x, y, "alert: time to it, 95 % of cases, s", 11.5)
     x += text_width_px("alert: time to it, 95 % of cases, s", 11.5) + 28
     drawing.text(x, y, "wrong: names", 11.5, fill=ALARM, bold=True)
+    moved = (
+        f"moved: how far the fault had moved a position by then, horizontally, in 95 % of cases, m; the radius is {found['radius_m']:g} m"
+    )
+    drawing.text(MARGIN_PX, y + 19, moved, 11.5)
 
 
-def _threat(drawing: Drawing, box: Box, threat: Mapping[str, Any]) -> None:
-    """Detection against size; below, sizes, time to alert, wrong names."""
+def _threat(drawing: Drawing, box: Box, threat: Mapping[str, Any], radius_m: float) -> None:
+    """Detection against size; below, sizes, time to alert, how far a position was moved by then, wrong names."""
     sizes = threat["sizes"]
     harmless = threat["kind"] == "harmless"
     good = "harmless, good is 0 %" if harmless else f"{threat['kind']}, for {rounded(threat['duration_s'])} s"
@@ -115,8 +119,11 @@ def _threat(drawing: Drawing, box: Box, threat: Mapping[str, Any]) -> None:
         drawing.text(x_, box.bottom + 13, rounded_size(of["size"]), 9.5, anchor="middle", fill=INK)
     alerts = ["–" if of["time_to_alert_s"] is None else rounded(of["time_to_alert_s"]["p95"]) for of in sizes]
     value_labels(drawing, box.bottom + 27, list(zip(x, alerts, strict=True)), "alert s", box.left)
+    moved_m = [0.0 if of["shift_m"] is None else of["shift_m"]["p95"] for of in sizes]
+    too_far = [moved > radius_m for moved in moved_m]
+    value_labels(drawing, box.bottom + 40, list(zip(x, [f"{m:.1f}" for m in moved_m], strict=True)), "moved m", box.left, too_far)
     wrong = [of["named_wrongly"] for of in sizes]
-    value_labels(drawing, box.bottom + 40, list(zip(x, map(str, wrong), strict=True)), "wrong", box.left, [count > 0 for count in wrong])
+    value_labels(drawing, box.bottom + 53, list(zip(x, map(str, wrong), strict=True)), "wrong", box.left, [count > 0 for count in wrong])
 
 
 def rounded_size(size: float) -> str:

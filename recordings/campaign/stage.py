@@ -3,11 +3,12 @@
 from bisect import bisect_right
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 
 from integrity.assembler import nominal_epoch_ns
 from integrity.config import SiteConfig
-from integrity.events import Event, ObservationsReceived, StatusReceived
+from integrity.events import Event, ObservationsReceived, StatusReceived, ToldApart
 from integrity.outputs import EpochReport, Output
 from integrity.reception import Reception
 from integrity.states import State
@@ -15,7 +16,8 @@ from integrity.station_monitor import Snapshot, StationMonitor
 from recordings.reader import read_recording
 from recordings.replay import replayable
 
-EPOCHS_BETWEEN_MEMORIES = 60
+EPOCHS_BETWEEN_MEMORIES = 15  # at most so many are decided again before a fault begins, but on a stage of hours,
+MOST_MEMORIES = 500  # of which each is some 60 kB
 
 
 @dataclass(frozen=True, eq=False)
@@ -40,16 +42,28 @@ class Stage:
 
     def memory_before(self, gps_ns: int) -> Memory:
         """The last memory of what came before an epoch."""
-        return self.memories[max(0, bisect_right([memory.epoch_ns for memory in self.memories], gps_ns) - 1)]
+        return self.memories[max(0, bisect_right(self.memories, gps_ns, key=lambda memory: memory.epoch_ns) - 1)]
 
     def events_until(self, memory: Memory, gps_ns: int) -> tuple[Event, ...]:
         """Events after a memory, up to those of epochs at or after `gps_ns`."""
         return self.events[memory.place : place_of_epoch(self.events, self.site, gps_ns, memory.place)]
 
-    @property
-    def normal_ns(self) -> tuple[int, ...]:
-        """Epochs in which the station is NORMAL without exclusions: faults may begin there."""
-        return tuple(t for t in self.epoch_ns if self.reports[t].state is State.NORMAL and not self.reports[t].exclusions)
+    def sound_for(self, lasts_ns: int) -> list[int]:
+        """Epochs from which on the station is NORMAL without exclusions for so long: faults may begin there, and whatever is said is of
+        them. What is said without a fault is counted as false alarms, elsewhere."""
+        last_ns = self.epoch_ns[-1] - lasts_ns
+        found: list[int] = []
+        spoilt_ns = self.epoch_ns[-1] + 1  # the next epoch that is not so
+        for t in reversed(self.epoch_ns):
+            if t in self._unsound_ns:
+                spoilt_ns = t
+            elif t <= last_ns and t + lasts_ns < spoilt_ns:
+                found.append(t)
+        return found[::-1]
+
+    @cached_property
+    def _unsound_ns(self) -> frozenset[int]:
+        return frozenset(t for t in self.epoch_ns if self.reports[t].state is not State.NORMAL or self.reports[t].exclusions)
 
 
 def stage_of(name: str, site: SiteConfig, events: Sequence[Event], snapshot: Snapshot | None = None) -> Stage:
@@ -73,7 +87,7 @@ def recorded_stage(path: Path) -> Stage:
     site = recording.site.config
     reception = Reception(site.receiver_names, recording.snapshot.reception if recording.snapshot else (), site.protocols)
     heard = (decoded for event in recording.events for decoded in reception.take(event))
-    events = [event for event in heard if not isinstance(event, StatusReceived)]
+    events = [event for event in heard if not isinstance(event, StatusReceived | ToldApart)]
     return stage_of(path.name, site, events, recording.snapshot)
 
 
@@ -88,13 +102,13 @@ def place_of_epoch(events: Sequence[Event], site: SiteConfig, gps_ns: int, first
 
 def _cuts(events: Sequence[Event], site: SiteConfig) -> list[tuple[int, int]]:
     """Places between epochs, so many epochs apart, and the epoch that follows each."""
-    cuts: list[tuple[int, int]] = []
-    seen = last_ns = 0
+    begins: list[tuple[int, int]] = []
+    last_ns = 0
     for place, event in enumerate(events):
         if isinstance(event, ObservationsReceived):
             epoch_ns = nominal_epoch_ns(event.row.receive_time_ns, site.epoch_interval_ns)
             if epoch_ns > last_ns:
-                if seen and seen % EPOCHS_BETWEEN_MEMORIES == 0:
-                    cuts.append((place, epoch_ns))
-                seen, last_ns = seen + 1, epoch_ns
-    return cuts
+                begins.append((place, epoch_ns))
+                last_ns = epoch_ns
+    apart = max(EPOCHS_BETWEEN_MEMORIES, len(begins) // MOST_MEMORIES)
+    return begins[apart::apart]

@@ -11,9 +11,10 @@ from integrity.limits import derive
 from integrity.states import Cause
 from integrity.triangle import reference_triangle
 from recordings.campaign.campaign import Plan, Played, stage_from, tolerance_m
-from recordings.campaign.catalogue import CATALOGUE, Threat
+from recordings.campaign.catalogue import CATALOGUE
 from recordings.campaign.tally import Share, bounded
 from recordings.campaign.theory import explain_theory
+from recordings.campaign.threat import Threat
 
 
 def as_json_object(played: Sequence[Played], plan: Plan) -> dict[str, Any]:
@@ -49,7 +50,7 @@ def _of_threat(threat: Threat, played: Sequence[Played], radius_m: float) -> dic
         "unit": threat.unit,
         "kind": "harmless" if not threat.causes else "abrupt" if threat.abrupt else "slow",
         "duration_s": threat.duration_s,
-        "shift_within_radius": bounded(Share(sum(one.trial.shift_m <= radius_m for one in played), len(played))),
+        "shift_within_radius": bounded(Share(sum(_moved_m(threat, one) <= radius_m for one in played), len(played))),
         "sizes": [_of_size(threat, size, [one for one in played if one.size == size]) for size in threat.sizes],
     }
 
@@ -68,9 +69,19 @@ def _of_size(threat: Threat, size: float, played: Sequence[Played]) -> dict[str,
         "causes": {cause.value: count for cause, count in _counted(one.trial.cause for one in told)},
         "named_wrongly": sum(bool(one.named_wrongly) for one in played),
         "time_to_alert_s": _quantiles([one.trial.detected_s for one in told if one.trial.detected_s is not None]),
-        "shift_m": _quantiles([one.trial.shift_m for one in played]),
+        "shift_m": _quantiles([_moved_m(threat, one) for one in played]),
         "hazards": sum(one.trial.hazard for one in played),
     }
+
+
+def _moved_m(threat: Threat, one: Played) -> float:
+    """How far the fault moved a receiver: a slow one up to the alert, a whole one before it, for what it does at once is told at once."""
+    return one.trial.shift_m if threat.abrupt else one.trial.shift_at_alert_m
+
+
+def took(found: Mapping[str, Any]) -> str:
+    """How long a campaign took, and on what."""
+    return f"{found['wall_s']:g} s on {found['machine']}"
 
 
 def _counted(causes: Iterable[Cause]) -> list[tuple[Cause, int]]:
@@ -97,19 +108,26 @@ def refuse_unknown(threats: Iterable[str]) -> None:
 
 def explain(found: Mapping[str, Any]) -> str:
     """The same for people: a line a threat and size."""
-    head = ("threat", "size", "", "trials", "caught", "at once", "alert p95", "triangle", "wrong")
-    lines = ["{:<14}{:>12} {:<14}{:>7}{:>8}{:>8}{:>10}{:>9}{:>6}  causes".format(*head)]
+    head = ("threat", "size", "", "trials", "caught", "at once", "alert p95", "moved p95", "triangle", "wrong")
+    lines = ["{:<14}{:>12} {:<14}{:>7}{:>8}{:>8}{:>10}{:>10}{:>9}{:>6}  causes".format(*head)]
     for threat in found["threats"]:
         for of in threat["sizes"]:
             alert = "" if of["time_to_alert_s"] is None else f"{of['time_to_alert_s']['p95']:g} s"
+            moved = "" if of["shift_m"] is None else f"{of['shift_m']['p95']:.1f} m"
             lines.append(
                 f"{threat['id']:<14}{of['size']:>12g} {threat['unit']:<14}{of['trials']:>7}{_percent(of['detected']):>8}"
-                f"{_percent(of['in_first_epoch']):>8}{alert:>10}"
+                f"{_percent(of['in_first_epoch']):>8}{alert:>10}{moved:>10}"
                 f"{_percent(of['triangle_alone']):>9}{of['named_wrongly']:>6}  {', '.join(of['causes'])}"
             )
     wrong, hazards = found["named_wrongly"], found["hazards"]
     lines.append(f"named wrongly in {wrong['count']} of {wrong['of']} trials (at most {100 * wrong['at_most']:.2g} % at 95 % confidence)")
     lines.append(f"NORMAL beyond {found['tolerance_m']:g} m in {hazards['count']} (at most {100 * hazards['at_most']:.2g} %)")
+    lines += [
+        f"{threat['id']}: moved a position by more than the radius of {found['radius_m']:g} m up to the alert in "
+        f"{share['of'] - share['count']} of {share['of']} trials"
+        for threat in found["threats"]
+        if (share := threat["shift_within_radius"])["count"] < share["of"]
+    ]
     return "\n".join([*lines, *(explain_theory(found["theory"]) if "theory" in found else ())])
 
 

@@ -9,7 +9,7 @@ from integrity.thresholds import YEAR_S
 from recordings.campaign.acceptance_line import Acceptance, acceptance
 from recordings.campaign.detectable import Case, Measured, cases, smallest_caught
 from recordings.campaign.error_model import ErrorModel, error_model
-from recordings.campaign.false_alarms import NOT_SIMULATED, Promise, alarms_of, poisson_bounds
+from recordings.campaign.false_alarms import Promise, alarms_of, poisson_bounds
 from recordings.campaign.namings import KINDS, Named, namings, total
 from recordings.campaign.tally import bounded, rounded
 
@@ -88,6 +88,7 @@ def _of_line(found: Acceptance, model: ErrorModel) -> dict[str, Any]:
 def _of_promise(of: Promise) -> dict[str, Any]:
     stops_low, stops_high = poisson_bounds(of.found.stops)
     alarms_low, alarms_high = poisson_bounds(of.alarms)
+    exclusions_low, exclusions_high = poisson_bounds(of.found.exclusions)
     return {
         "per_year": rounded(of.per_year),
         "days": rounded(of.found.seconds / DAY_S),
@@ -95,13 +96,15 @@ def _of_promise(of: Promise) -> dict[str, Any]:
         "stops": of.found.stops,
         "stops_low": rounded(stops_low),
         "stops_high": rounded(stops_high),
-        "kept": stops_low <= of.promised,
+        "kept": stops_low <= of.promised <= stops_high,
+        "exclusions": of.found.exclusions,
+        "exclusions_low": rounded(exclusions_low),
+        "exclusions_high": rounded(exclusions_high),
         "alarms": of.alarms,
         "alarms_low": rounded(alarms_low),
         "alarms_high": rounded(alarms_high),
         "alarms_error": None if of.alarms_error is None else rounded(of.alarms_error),
         "alarms_by_theory": rounded(sum(of.expected.values())),
-        "not_simulated": list(NOT_SIMULATED),
         "checks": {
             check: {"alarms": count, "by_theory": rounded(of.expected[check]) if check in of.expected else None}
             for check, count in of.found.alarms.items()
@@ -131,8 +134,8 @@ def explain_theory(found: Mapping[str, Any]) -> list[str]:
 def _alarm_lines(promises: Sequence[Mapping[str, Any]]) -> list[str]:
     return [
         f"  {of['per_year']:g} a year for {of['days']:g} days: {of['promised']:g} stops promised, {of['stops']} came "
-        f"({of['stops_low']:g} to {of['stops_high']:g} at 95 %); alarms of single checks: {of['alarms']}, {of['alarms_by_theory']:g} by "
-        "theory"
+        f"({of['stops_low']:g} to {of['stops_high']:g} at 95 %); of as many exclusions {of['exclusions']} ({of['exclusions_low']:g} to "
+        f"{of['exclusions_high']:g}); alarms of single checks: {of['alarms']}, {of['alarms_by_theory']:g} by theory"
         for of in promises
     ]
 

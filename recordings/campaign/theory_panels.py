@@ -89,7 +89,7 @@ def _draw_naming(drawing: Drawing, box: Box, found: Mapping[str, Any]) -> None:
 
 def _draw_alarms(drawing: Drawing, box: Box, promises: Sequence[Mapping[str, Any]]) -> None:
     days = sum(of["days"] for of in promises)
-    heading(drawing, box, "False stops, promised and simulated", f"{days:g} days; good: at most what is promised")
+    heading(drawing, box, "False stops, promised and simulated", f"{days:g} days; good: the bar holds the line")
     y = Scale(0.1, 2e4, box.bottom, box.top, True)
     upward(drawing, box, y, [(0.1, "0.1"), (1.0, "1"), (10.0, "10"), (100.0, "100"), (1e3, "1000"), (1e4, "1e4")])
     step = (box.right - box.left) / len(promises)

@@ -19,6 +19,7 @@ from integrity.gnss.signals import SYSTEM_NAMES, satellite_of
 from integrity.station_monitor import Snapshot
 from recordings.faults.edits import Changes, edits_of
 from recordings.faults.kinds import (
+    CodeBias,
     CodeCarrierDivergence,
     ConstellationClock,
     ConstellationFrame,
@@ -180,7 +181,7 @@ def _why_nothing(fault: Fault, truth: Truth) -> str:
             return "no such signal is received then, or the ramp has not begun"
         case IonoFront():
             return "no signal of a satellite with an ephemeris is pierced behind its edge then"
-        case CodeCarrierDivergence():
+        case CodeBias() | CodeCarrierDivergence():
             return "the codes of the satellite are not measured then, or the drift has not begun"
         case Meaconing():
             return f"{fault.effect.from_receiver} hears nothing then that the others know an orbit of"

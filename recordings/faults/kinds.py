@@ -18,6 +18,7 @@ from recordings.faults.receiver_kinds import (
     TwoReceivers,
 )
 from recordings.faults.satellite_kinds import (
+    CodeBias,
     CodeCarrierDivergence,
     ConstellationClock,
     ConstellationFrame,
@@ -33,6 +34,7 @@ __all__ = [
     "KINDS",
     "AntennaEffect",
     "AntennaMoved",
+    "CodeBias",
     "CodeCarrierDivergence",
     "ConstellationClock",
     "ConstellationFrame",
@@ -64,7 +66,7 @@ __all__ = [
     "satellites_of",
 ]
 
-SignalEffect = SatelliteStep | SatelliteRamp | SatelliteAcceleration | CodeCarrierDivergence | ConstellationClock | Multipath
+SignalEffect = SatelliteStep | SatelliteRamp | SatelliteAcceleration | CodeBias | CodeCarrierDivergence | ConstellationClock | Multipath
 AntennaEffect = ReceiverBias | ReceiverRamp | AntennaMoved | TwoReceivers | Spoofing | ConstellationFrame
 RangeEffect = SignalEffect | AntennaEffect | IonoFront
 LinkEffect = CorruptBytes | ReceiverDuplicate | Delay
@@ -86,6 +88,7 @@ _ALL: tuple[type[Effect], ...] = (
     SatelliteRamp,
     SatelliteAcceleration,
     CodeCarrierDivergence,
+    CodeBias,
     LowPower,
     WrongEphemeris,
     ConstellationClock,
@@ -115,6 +118,8 @@ def receivers_of(effect: Effect) -> tuple[str, ...]:
     match effect:
         case TwoReceivers() | Spoofing() | Jamming():
             return effect.receivers
+        case CodeBias():
+            return effect.receivers or ()
         case Meaconing():
             return effect.to_receivers
         case ConstellationClock() | ConstellationFrame() | IonoFront():
@@ -129,6 +134,8 @@ def satellites_of(effect: Effect) -> tuple[str, ...]:
     """The satellites that a fault names."""
     match effect:
         case SatelliteStep() | SatelliteRamp() | SatelliteAcceleration() | CodeCarrierDivergence() | LowPower() | WrongEphemeris():
+            return (effect.satellite,)
+        case CodeBias():
             return (effect.satellite,)
         case Multipath():
             return effect.satellites

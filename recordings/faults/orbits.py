@@ -9,7 +9,7 @@ import numpy as np
 
 from integrity.errors import ConfigError
 from integrity.events import EphemerisReceived, Event
-from integrity.gnss.constants import BEIDOU_MU_M3PS2, EARTH_ROTATION_RADPS, GALILEO_MU_M3PS2, GPS_MU_M3PS2
+from integrity.gnss.constants import BEIDOU_MU_M3PS2, EARTH_ROTATION_RADPS, GALILEO_MU_M3PS2, GPS_MU_M3PS2, SPEED_OF_LIGHT_MPS
 from integrity.gnss.ephemeris.broadcast import Ephemeris, GeoEphemeris, GlonassEphemeris, KeplerEphemeris
 from integrity.gnss.ephemeris.kepler import GEOSTATIONARY
 from integrity.gnss.ephemeris.states import satellite_states
@@ -33,9 +33,14 @@ class NavigationEdits:
     instead: dict[int, Event] = field(default_factory=dict)
 
 
-def displaced(true: Ephemeris, offset_m: float, direction: Axis, gps_ns: int) -> Ephemeris:
+def displaced(true: Ephemeris, offset_m: float, direction: Axis | Literal["clock"], gps_ns: int) -> Ephemeris:
     """The ephemeris with its orbit displaced by `offset_m` at a GPS time (state vectors: at their reference time): in the direction of
-    flight, along the orbit's normal, or up."""
+    flight, along the orbit's normal, or up; or with its clock ahead by as much."""
+    if direction == "clock":
+        ahead_s = offset_m / SPEED_OF_LIGHT_MPS
+        if isinstance(true, GlonassEphemeris):
+            return replace(true, tau_n_s=true.tau_n_s - ahead_s)  # what is to be added to the satellite's time: GLONASS ICD 4.4
+        return replace(true, af0=true.af0 + ahead_s)
     if isinstance(true, KeplerEphemeris):
         return displaced_elements(true, offset_m, direction, gps_ns)
     return displaced_vector(true, offset_m, direction)

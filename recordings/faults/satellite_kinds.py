@@ -7,7 +7,7 @@ from typing import Annotated, ClassVar, Literal
 
 from pydantic import Field, model_validator
 
-from recordings.faults.parameters import Displacement, DropDb, RampS, RateMps, RateMps2, Satellite, SizeM, System
+from recordings.faults.parameters import Displacement, DropDb, RampS, RateMps, RateMps2, Receivers, Satellite, SizeM, System
 from recordings.site_schema import Section
 
 MOST_FRONT_DELAY_M = 200.0  # threat models end at 50 m; a bound of plausibility
@@ -51,6 +51,20 @@ class CodeCarrierDivergence(Section):
     rate_mps: RateMps
 
 
+class CodeBias(Section):
+    """The codes of a satellite are longer by `size_m` at some receivers (at all, where none is named); carriers and Doppler stay.
+
+    Of all: its signal is deformed, and receivers of one bandwidth and correlator see that alike. Of some: they are of another bandwidth,
+    or hear an echo instead of the signal. Source of the threat: Phelts, Multicorrelator Techniques, 2001 (evil waveforms); sizes by ICAO's
+    models are metres.
+    """
+
+    kind: ClassVar = "code_bias"
+    satellite: Satellite
+    size_m: SizeM
+    receivers: Receivers | None = None
+
+
 class LowPower(Section):
     """A satellite sends weaker by `drop_db`, reached in the course of `ramp_s` (at once without it), on all its signals: noise grows, what
     falls below the tracking threshold is lost."""
@@ -62,12 +76,12 @@ class LowPower(Section):
 
 
 class WrongEphemeris(Section):
-    """A satellite broadcasts an orbit that is displaced by `offset_m`; its ranges are as they were."""
+    """A satellite broadcasts an orbit that is displaced by `offset_m`, or a clock that is off by it; its ranges are as they were."""
 
     kind: ClassVar = "wrong_ephemeris"
     satellite: Satellite
     offset_m: SizeM
-    direction: Annotated[Literal["along", "cross", "radial"], Field(description='"along", "cross" or "radial"')]
+    direction: Annotated[Literal["along", "cross", "radial", "clock"], Field(description='"along", "cross", "radial" or "clock"')]
 
 
 class ConstellationClock(Section):

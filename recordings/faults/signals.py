@@ -8,6 +8,7 @@ from integrity.gnss.observations import Bools, Floats, ObservationRow
 from integrity.gnss.signals import satellite_of
 from recordings.faults.changes import Change
 from recordings.faults.kinds import (
+    CodeBias,
     CodeCarrierDivergence,
     ConstellationClock,
     Multipath,
@@ -32,6 +33,9 @@ def signal_change(effect: SignalEffect, row: ObservationRow, elapsed_s: float, w
         case CodeCarrierDivergence(satellite=satellite, rate_mps=rate_mps):
             none = np.zeros(len(row.signals))
             return Change(np.where(_of_satellite(row, satellite), rate_mps * elapsed_s, 0.0), none, none)
+        case CodeBias(satellite=satellite, size_m=size_m):
+            none = np.zeros(len(row.signals))
+            return Change(np.where(_of_satellite(row, satellite), size_m, 0.0), none, none)
         case ConstellationClock(system=system, size_m=size_m):
             return _together(of_system(row, system), size_m, 0.0)
         case Multipath():

@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, lru_cache
 from itertools import groupby
 from typing import NamedTuple
 
@@ -52,19 +52,27 @@ class Truth:
         """GLONASS frequency numbers by satellite, as the ephemerides have them."""
         return {eph.satellite: eph.channel for eph in self.store.ephemerides if isinstance(eph, GlonassEphemeris)}
 
-    def wavelengths_m(self, signals: Sequence[str]) -> Floats:
+    def wavelengths_m(self, signals: tuple[str, ...]) -> Floats:
         """Of carriers (n,). Without ephemeris a GLONASS channel counts as the middle one: 0.25 % off at most."""
-        found = []
-        for signal in signals:
-            carrier = carrier_hz(signal[:1], bands_of(signal)[0])
-            first_hz, step_hz = (L1_HZ, 0.0) if carrier is None else carrier
-            found.append(SPEED_OF_LIGHT_MPS / (first_hz + step_hz * self.channels.get(satellite_of(signal), 0)))
-        return np.array(found)
+        return _wavelengths_m(signals, tuple(self.channels.get(satellite_of(s), 0) if s[0] == "R" else 0 for s in signals))
 
     def covered(self, covers: Callable[[int], bool], receivers: Sequence[str]) -> list[RecordedRow]:
         """Rows of some receivers (of all where none is named) in the epochs that `covers` accepts."""
         names = receivers or self.site.receiver_names
         return [seen for seen in self.rows if covers(seen.epoch_ns) and seen.row.receiver in names]
+
+
+@lru_cache(maxsize=1024)
+def _wavelengths_m(signals: tuple[str, ...], channels: tuple[int, ...]) -> Floats:
+    """Rows of one receiver have the same signals for minutes."""
+    found = []
+    for signal, channel in zip(signals, channels, strict=True):
+        carrier = carrier_hz(signal[:1], bands_of(signal)[0])
+        first_hz, step_hz = (L1_HZ, 0.0) if carrier is None else carrier
+        found.append(SPEED_OF_LIGHT_MPS / (first_hz + step_hz * channel))
+    wavelengths = np.array(found)
+    wavelengths.setflags(write=False)
+    return wavelengths
 
 
 class RangeChange(NamedTuple):
@@ -102,7 +110,16 @@ def runs(rows: Iterable[RecordedRow]) -> Iterator[list[RecordedRow]]:
 
 def surveyed(truth: Truth, receiver: str) -> Points:
     """The surveyed point of a receiver, as points of one epoch and one receiver."""
-    return points_at(np.array([r.position_ecef_m for r in truth.site.receivers if r.name == receiver]))
+    return _point(next(r.position_ecef_m for r in truth.site.receivers if r.name == receiver))
+
+
+@lru_cache(maxsize=64)
+def _point(pos_ecef_m: tuple[float, float, float]) -> Points:
+    """Asked for with every row; its axes and heights cost as much as all the rest of a row."""
+    found = points_at(np.array([pos_ecef_m]))
+    for part in found:
+        part.setflags(write=False)
+    return found
 
 
 def elevations_rad(truth: Truth, run: Sequence[RecordedRow]) -> list[Floats]:

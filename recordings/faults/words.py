@@ -1,4 +1,4 @@
-"""Navigation words, and RTCM ephemerides, of a satellite with a displaced orbit in them.
+"""Navigation words, and RTCM ephemerides, of a satellite with a displaced orbit, or a clock that is off, in them.
 
 LNAV of GPS and QZSS, I/NAV and F/NAV of Galileo, D1 and D2 of BeiDou, GLONASS; RTCM 1019, 1020, 1042, 1044, 1045 and 1046. The orbit's
 parameters and the issue change, and parity or CRC with them; everything else in a message stays, its time above all. Messages that no
@@ -25,7 +25,8 @@ from recordings.faults.received import FrameAt, WordsAt
 from recordings.faults.scenario import Fault
 from recordings.faults.truth import Truth
 
-ORBIT = ("sqrt_a", "delta_n", "m0", "i0", "omega0", "omega", "x_m", "y_m", "z_m", "vx_mps", "vy_mps", "vz_mps")  # what displacing changes
+ORBIT = ("sqrt_a", "delta_n", "m0", "i0", "omega0", "omega", "x_m", "y_m", "z_m", "vx_mps", "vy_mps", "vz_mps")
+CLOCK = ("af0", "tau_n_s")  # of these and the orbit's, those that a fault has changed are sent otherwise
 TURNS = ("m0", "omega0", "omega")  # angles that are sent between -pi and pi
 ISSUE_FIELDS = ("issue", "iodc", "iode", "aode")
 
@@ -124,7 +125,7 @@ def _with_orbit(sets: _Sets, layout: Layout, bits: int, true: Ephemeris) -> int:
         issues = ISSUES[true.satellite[0]]
         sent = {name: layout.integer(bits, name) for name in ISSUE_FIELDS if name in layout.fields}
         values |= {name: issue - issue % issues + wrong.issue for name, issue in sent.items()}
-    for name in ORBIT:
+    for name in (*ORBIT, *CLOCK):
         value = getattr(wrong, name, None)
         if name in layout.fields and value is not None and value != getattr(true, name):
             values[name] = math.remainder(value, math.tau) if name in TURNS else value

@@ -11,7 +11,7 @@ from tests.e2e.commands import Ran, wayside
 
 # Threats with the size from which every trial is caught in its first epoch: above what the site's limits state, for a satellite at the
 # lowest elevation in use.
-ABRUPT = {"SV-STEP": 100.0, "RX-BIAS": 10.0, "RX2-SAME": 20.0, "RX2-OPPOSITE": 10.0, "SPF-3": 0.0, "MEAC": 30.0}
+ABRUPT = {"SV-STEP": 100.0, "RX-BIAS": 10.0, "RX2-SAME": 20.0, "SPF-3": 0.0, "MEAC": 30.0}
 HARMLESS = ("RX-CLOCK", "CONST-CLOCK")
 OPTIONS = [option for threat in (*ABRUPT, *HARMLESS) for option in ("--threat", threat)]
 
@@ -63,6 +63,20 @@ def test_the_results_are_written(found: dict[str, Any], folder: Path) -> None:
 def test_the_picture_is_written(found: dict[str, Any], folder: Path) -> None:
     shown = [e.text for e in ElementTree.parse(folder / "new" / "results.svg").iter() if e.tag.endswith("text")]
     assert set(ABRUPT) <= set(shown)
+
+
+def test_the_table_is_written(found: dict[str, Any], folder: Path) -> None:
+    rows = [line.split(" | ")[0] for line in (folder / "new" / "results.md").read_text().splitlines()]
+    assert set(ABRUPT) <= {row.removeprefix("| ") for row in rows}
+
+
+@pytest.mark.parametrize("word", ["processors", "Python", "numpy"])
+def test_it_says_on_what_it_ran(found: dict[str, Any], word: str) -> None:
+    assert word in found["machine"]
+
+
+def test_it_says_how_long_it_took(found: dict[str, Any]) -> None:
+    assert found["wall_s"] > 0.0
 
 
 def test_an_unknown_threat_is_a_mistake_of_usage() -> None:

@@ -18,6 +18,7 @@ TABLES: dict[str, dict[str, object]] = {
     "satellite_ramp": {"satellite": "E11", "rate_mps": 0.5},
     "satellite_acceleration": {"satellite": "C25", "rate_mps2": 0.1},
     "code_carrier_divergence": {"satellite": "J02", "rate_mps": 0.1},
+    "code_bias": {"satellite": "G07", "size_m": 20.0, "receivers": ("A", "B")},
     "low_power": {"satellite": "R02", "drop_db": 6.0},
     "wrong_ephemeris": {"satellite": "G07", "offset_m": 700.0, "direction": "along"},
     "constellation_clock": {"system": "Galileo", "size_m": 30.0},

@@ -1,29 +1,32 @@
 """The campaign: what a trial says of faults that are known to show, and not to; shares and their bounds; the same in any number of jobs."""
 
 from dataclasses import replace
+from math import sqrt
 
 import pytest
 from scipy.stats import binomtest
 
 from integrity.errors import ConfigError
 from integrity.gnss.gps_time import NS_PER_S
-from integrity.states import Cause
+from integrity.states import Cause, State
 from recordings.campaign.campaign import Plan, Played, Simulated, campaign, stage_from
-from recordings.campaign.catalogue import CATALOGUE, Draw, Guilty
+from recordings.campaign.catalogue import CATALOGUE
 from recordings.campaign.stage import Stage
 from recordings.campaign.summary import as_json_object, refuse_unknown
 from recordings.campaign.tally import Share
-from recordings.campaign.trial import Trial, play
+from recordings.campaign.threat import Draw, Guilty
+from recordings.campaign.trial import Said, Trial, play, watched
 from recordings.faults import Fault
 from recordings.faults.kinds import Effect
-from recordings.faults.receiver_kinds import ReceiverBias, ReceiverClockJump, ReceiverDrop
-from recordings.faults.satellite_kinds import SatelliteStep
+from recordings.faults.receiver_kinds import ReceiverBias, ReceiverClockJump, ReceiverDrop, ReceiverRamp
+from recordings.faults.satellite_kinds import SatelliteRamp, SatelliteStep
 from tests.unit.streams import SITE, START_NS
 
 SOURCE = Simulated(SITE, START_NS, 150.0, seed=3)
 PLAN = Plan((SOURCE,), trials=2)
 TOLERANCE_M = 15.0
-DRAW = Draw("G05", ("B", "A", "C"), 0.6, 0.8, 36.9, (1.0, 0.0, 0.0), -1.0)
+POINTS = tuple(receiver.position_ecef_m for receiver in SITE.receivers)
+DRAW = Draw("G05", ("B", "A", "C"), POINTS, 0.6, 0.8, 36.9, (1.0, 0.0, 0.0), -1.0)
 
 
 def stage() -> Stage:
@@ -77,6 +80,51 @@ def test_a_trial_from_a_memory_decides_as_the_whole_stream_does() -> None:
     start_ns = stage().epoch_ns[80]
     faults = [Fault(start_ns, start_ns + 20 * NS_PER_S, SatelliteStep(satellite=in_use(), size_m=20.0))]
     assert play(stage(), faults, TOLERANCE_M) == play(whole, faults, TOLERANCE_M)
+
+
+def test_a_trial_that_is_watched_for_a_while_is_the_whole_one_up_to_then() -> None:
+    """A ramp is caught, and the receiver may be named, minutes before it ends; when it was caught does not depend on what came later."""
+    start_ns = stage().epoch_ns[60]
+    faults = [Fault(start_ns, start_ns + 80 * NS_PER_S, ReceiverRamp(receiver="A", rate_enu_mps=(0.5, 0.0, 0.0)))]
+    whole, cut = (play(stage(), faults, TOLERANCE_M, watched_s=watched_s) for watched_s in (None, 10.0))
+    assert (cut.detected_s, cut.cause, cut.shift_at_alert_m) == (whole.detected_s, whole.cause, whole.shift_at_alert_m)
+
+
+def test_what_is_said_later_than_it_was_watched_does_not_count() -> None:
+    said = [
+        Said(k * NS_PER_S, State.NORMAL, Cause.NONE, frozenset({"G05"} if k == 2 else {"E11"} if k == 9 else ()), None) for k in range(12)
+    ]
+    assert [one.gps_ns // NS_PER_S for one in watched(said, NS_PER_S, 4 * NS_PER_S)] == [1, 2, 3, 4, 5, 6]
+
+
+def test_a_slow_fault_is_played_without_its_end() -> None:
+    """The ramp moves a range by half a metre in 50 s, which nothing catches; where it ends the carrier steps back by as much."""
+    start_ns = stage().epoch_ns[80]
+    faults = [Fault(start_ns, start_ns + 50 * NS_PER_S, SatelliteRamp(satellite=in_use(), rate_mps=0.01))]
+    with_end, without = (play(stage(), faults, TOLERANCE_M, epochs_after=n) for n in (5, 0))
+    assert (with_end.detected_s, without.detected_s) == (50.0, None)
+
+
+def test_the_shift_at_the_alert_is_that_of_its_epoch() -> None:
+    assert trial(ReceiverBias(receiver="A", offset_enu_m=(50.0, 0.0, 0.0))).shift_at_alert_m == pytest.approx(50.0, abs=0.01)
+
+
+def test_a_fault_that_is_caught_at_once_has_moved_nothing_before() -> None:
+    assert trial(ReceiverBias(receiver="A", offset_enu_m=(50.0, 0.0, 0.0))).shift_m == 0.0
+
+
+def test_a_point_elsewhere_is_as_far_as_asked_along_the_ground() -> None:
+    x, y, z = (a - b for a, b in zip(DRAW.elsewhere_ecef_m(1000.0), POINTS[0], strict=True))
+    assert sqrt(x * x + y * y + z * z) == pytest.approx(1000.0, abs=0.01)
+
+
+def test_faults_begin_where_the_stream_stays_sound_for_as_long_as_they_last() -> None:
+    """Not at start-up, not where an epoch in which a station without faults was not NORMAL would follow, not too near the end."""
+    spoilt_ns = stage().epoch_ns[100]
+    report = replace(stage().reports[spoilt_ns], state=State.NOT_CONFIRMABLE)
+    spoilt = replace(stage(), reports=stage().reports | {spoilt_ns: report})
+    first = next(i for i, t in enumerate(stage().epoch_ns) if stage().reports[t].state is State.NORMAL)
+    assert spoilt.sound_for(20 * NS_PER_S) == [*stage().epoch_ns[first:80], *stage().epoch_ns[101:-20]]
 
 
 def few(jobs: int) -> list[Played]:

@@ -64,6 +64,12 @@ def test_wrong_names_are_in_the_colour_of_alarm(found: dict[str, Any]) -> None:
     assert "7" in coloured
 
 
+def test_a_move_beyond_the_radius_is_in_the_colour_of_alarm(found: dict[str, Any]) -> None:
+    spoiled = changed(found, shift_m={"p50": 1.0, "p95": found["radius_m"] + 0.1, "max": 9.0})
+    coloured = [e.text for e in drawn(spoiled) if e.tag.endswith("text") and e.get("fill") == ALARM]
+    assert f"{found['radius_m'] + 0.1:.1f}" in coloured
+
+
 def test_no_wrong_name_is_not(found: dict[str, Any]) -> None:
     assert not [e for e in drawn(found) if e.tag.endswith("text") and e.get("fill") == ALARM and (e.text or "").isdecimal()]
 

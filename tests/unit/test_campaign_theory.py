@@ -10,7 +10,6 @@ from recordings.campaign.acceptance_line import acceptance, allowed_missed_detec
 from recordings.campaign.detectable import Case, cases, missed, smallest_caught
 from recordings.campaign.error_model import error_model
 from recordings.campaign.namings import namings, total
-from recordings.campaign.theory import AGREES_WITHIN
 from tests.unit.streams import SITE
 
 MODEL = error_model(SITE)
@@ -58,7 +57,7 @@ def test_misses_that_are_not_rare_are_those_counted(check: str) -> None:
 @pytest.mark.parametrize("check", CASES)
 def test_the_smallest_fault_measured_is_the_one_stated(check: str) -> None:
     found = smallest_caught(CASES[check], SITE.integrity.missed_detection, SAMPLES, seed=1)
-    assert found.size == pytest.approx(CASES[check].theory, rel=AGREES_WITHIN)
+    assert found.size == pytest.approx(CASES[check].theory, rel=0.02)  # of a sky and triangle that fit what is stated
 
 
 def test_a_threshold_that_is_wrong_is_measured() -> None:

@@ -7,15 +7,16 @@ import numpy as np
 import pytest
 
 from integrity.assembler import nominal_epoch_ns
+from integrity.carrier_thresholds import CARRIER_CHECKS, CORRELATION_S
 from integrity.config import IntegrityConfig, ReceiverConfig, SiteConfig
+from integrity.episodes import Errors, position_regions, stops_per_look, stops_seen_by_all_per_look
 from integrity.errors import ConfigError
 from integrity.gnss.frames import ecef_from_geodetic, enu_axes
 from integrity.gnss.gps_time import NS_PER_S
-from integrity.gnss.signals import TIME_SCALES
 from integrity.limits import Limits, alignment_tolerance_ns
 from integrity.monitors.slow import gain, mean_run_length
-from integrity.probability import chi2_quantile, detectable_noncentrality, exceeds_again
-from integrity.thresholds import ALLOWANCE, MOST_IN_VIEW, STANDING, UPLOADS_PER_YEAR, YEAR_S, collapse_separation
+from integrity.probability import chi2_quantile, detectable_noncentrality, episodes_per_look
+from integrity.thresholds import ALLOWANCE, STANDING, Promises, collapse_separation
 from integrity.triangle import reference_triangle
 from tests.unit.streams import LIMITS, SITE, a_site, limits_of
 
@@ -40,74 +41,106 @@ def test_example_smallest_fault_of_the_shape() -> None:
     assert fault_m == pytest.approx(6.3, abs=0.06)
 
 
-OF_SATELLITES = ("residual", "ephemeris")
+OF_POSITIONS = ("circle_A", "circle_B", "circle_C", "common", "common_3d", "shape", "shape_3d", "collapse")
+OF_SATELLITES = ("residual", "constellation", "ephemeris", *CARRIER_CHECKS)
 
 
 def with_promises(**changes: object) -> SiteConfig:
     return replace(SITE, integrity=replace(SITE.integrity, **changes))  # type: ignore[arg-type]
 
 
-def correlation(name: str, site: SiteConfig) -> float:
-    """From look to look, of one component of a check's statistic, by the variances that it is made of."""
-    p, interval_s = site.integrity, site.epoch_interval_ns / NS_PER_S
-    a_c, a_d = exp(-interval_s / p.correlation_common_s), exp(-interval_s / p.correlation_differential_s)
-    var_c, var_d = p.sigma_common_m**2, p.sigma_differential_m**2
-    if name.startswith("circle_"):
-        return (var_c * a_c + var_d * a_d) / (var_c + var_d)
-    if name.startswith("common"):
-        return (var_c * a_c + var_d / 3.0 * a_d) / (var_c + var_d / 3.0)
-    return a_c if name in ("residual", "constellation") else a_d
+def of_positions(site: SiteConfig, limits: Limits) -> float:
+    """Stops a year by circles, common position, shape and collapse together, from their thresholds: a sum over 4,096 paths of each."""
+    of, p = Promises(site, reference_triangle(site)), site.integrity
+    common_m = p.sigma_common_m, p.sigma_common_m, p.sigma_common_up_m
+    own_m = p.sigma_differential_m, p.sigma_differential_m, p.sigma_differential_up_m
+    tails = {name: limits.by_name[name].false_alarm_probability for name in OF_POSITIONS}
+    regions = position_regions(common_m, own_m, of.triangle.baseline_enu_m.tolist(), {**tails, "circle": tails["circle_A"]})
+    thresholds = [limits[name] for name in OF_POSITIONS]
+    in_sigmas = [sqrt(t) if 3 <= i < 7 else t / np.hypot(common_m[0], own_m[0]) if i < 3 else t for i, t in enumerate(thresholds)]
+    assert [region.threshold for region in regions] == pytest.approx(in_sigmas, rel=1e-9)
+    seconds = (p.correlation_common_s,) * 3 + (p.correlation_differential_s,) * 9
+    return of.looks_per_year * stops_per_look(regions, Errors(seconds, of.interval_s, of.clear), 4096)
 
 
 def alarms_a_year(name: str, site: SiteConfig, limits: Limits) -> float:
-    """How often a check crosses its threshold, from the threshold itself."""
-    looks, threshold = YEAR_S * NS_PER_S / site.epoch_interval_ns, limits[name]
+    """How often alarms of a check by itself begin, from the threshold itself."""
+    of, threshold = Promises(site, reference_triangle(site)), limits[name]
+    looks = of.looks_per_year
     if name == "slow":  # both sides of three axes of three receivers that stand off as far as they may
         reference = (ALLOWANCE - STANDING) * gain(site.epoch_interval_ns, site.integrity.correlation_differential_s)
         return 18 * looks / mean_run_length(threshold, -reference)
-    dof = {"common": 2, "common_3d": 3, "shape": 4, "shape_3d": 6, "constellation": 3, "ephemeris": 3}.get(name, 1)
-    value = threshold**2
-    if name in ("common", "common_3d", "shape", "shape_3d", "constellation"):
-        value = threshold
-    if name.startswith("circle_"):
-        dof = 2
-    if name.startswith("circle_"):
-        value /= site.integrity.sigma_common_m**2 + site.integrity.sigma_differential_m**2
-    one_sided = name in ("collapse", "capture")  # only towards the point
-    p = limits.by_name[name].false_alarm_probability * (2.0 if one_sided else 1.0)
-    assert chi2_quantile(p, dof) == pytest.approx(value, rel=1e-9)
+    if name == "residual":
+        sigma_m, own_m = of.sky_m
+        errors = Errors((of.integrity.correlation_common_s,) + (of.integrity.correlation_differential_s,) * 3, of.interval_s, of.clear)
+        commons = (1.0 - (own_m[:-1] / sigma_m[:-1]) ** 2).tolist()
+        return of.satellites * looks * stops_seen_by_all_per_look(threshold, commons, 3, errors, 2048)
+    dof = 3 if name in ("constellation", "ephemeris") else 1
+    p = limits.by_name[name].false_alarm_probability * (2.0 if name == "capture" else 1.0)  # capture: only towards the point
+    assert chi2_quantile(p, dof) == pytest.approx(threshold if name == "constellation" else threshold**2, rel=1e-9)
     if name == "ephemeris":  # each set is looked at once
-        return UPLOADS_PER_YEAR * p
-    sides = 0.5 if one_sided else 1.0
-    satellites = sum(MOST_IN_VIEW[system] for system in SITE.integrity.systems)
-    scales = len(TIME_SCALES)
-    members = {"residual": satellites, "b_value": satellites * 3, "constellation": scales, "capture": 3 * (scales + 1)}.get(name, 1)
-    return sides * members * looks * p * (1.0 - exceeds_again(value, dof, correlation(name, site)))
+        return of.uploads_per_year * p
+    members = {"b_value": of.satellites * 3.0, "constellation": len(of.scales), "capture": 0.5 * 3 * (len(of.scales) + 1)}
+    remembers_s = {"constellation": site.integrity.correlation_common_s, **CORRELATION_S}.get(
+        name, site.integrity.correlation_differential_s
+    )
+    correlation = exp(-of.interval_s / remembers_s) if remembers_s else 0.0
+    return members.get(name, of.satellites) * looks * episodes_per_look(p, dof, correlation, of.clear)
 
 
 def statistical(limits: Limits) -> list[str]:
     return [t.name for t in limits.thresholds if t.false_alarm_probability > 0.0 or t.name == "slow"]
 
 
-@pytest.mark.parametrize("promise", [0.1, 1.0, 52.0, 365.25])
-@pytest.mark.parametrize("interval_s", [0.1, 1.0, 30.0])
-def test_all_checks_together_stop_as_often_as_promised(promise: float, interval_s: float) -> None:
+PATHS_TO = 0.05  # of a rate that is a sum over paths
+INTERVALS_S, PROMISES = [0.1, 1.0, 30.0], [0.1, 1.0, 52.0, 365.25, 3652.5]
+
+
+@pytest.mark.parametrize("promise", PROMISES)
+@pytest.mark.parametrize("interval_s", INTERVALS_S)
+def test_all_that_can_stop_stops_as_often_as_promised(promise: float, interval_s: float) -> None:
     site = a_site(interval_s, integrity=IntegrityConfig(false_stops_per_year=promise))
     limits = limits_of(site)
-    assert sum(alarms_a_year(name, site, limits) for name in statistical(limits)) == pytest.approx(promise, rel=1e-6)
+    names = [name for name in statistical(limits) if name not in OF_POSITIONS and name != "b_value"]
+    stops = of_positions(site, limits) + sum(alarms_a_year(name, site, limits) for name in names)
+    assert stops == pytest.approx(promise, rel=PATHS_TO)
 
 
-def test_false_exclusions_have_a_budget_of_their_own() -> None:
-    site = with_promises(on_satellite_fault="exclude", false_stops_per_year=1.0, false_exclusions_per_year=12.0)
+@pytest.mark.parametrize("promise", PROMISES)
+@pytest.mark.parametrize("interval_s", INTERVALS_S)
+def test_false_exclusions_have_a_budget_of_their_own(promise: float, interval_s: float) -> None:
+    promises = IntegrityConfig(on_satellite_fault="exclude", false_stops_per_year=1.0, false_exclusions_per_year=promise)
+    site = a_site(interval_s, integrity=promises)
     limits = limits_of(site)
-    assert sum(alarms_a_year(name, site, limits) for name in OF_SATELLITES) == pytest.approx(12.0, rel=1e-6)
+    assert sum(alarms_a_year(name, site, limits) for name in (*OF_SATELLITES, "b_value")) == pytest.approx(promise, rel=PATHS_TO)
 
 
-def test_where_satellites_are_excluded_the_other_checks_share_the_stops() -> None:
-    site = with_promises(on_satellite_fault="exclude", false_stops_per_year=1.0, false_exclusions_per_year=12.0)
+SIGMAS = {"sigma_common_m": 0.2, "sigma_common_up_m": 0.4, "sigma_differential_m": 1.0, "sigma_differential_up_m": 2.0}
+
+
+@pytest.mark.parametrize(
+    "changes",
+    [{}, SIGMAS, {"sigma_common_m": 2.5, "sigma_common_up_m": 5.0}, {"correlation_common_s": 3.0}, {"correlation_common_s": 600.0}],
+)
+@pytest.mark.parametrize("recover_after_s", [5.0, 30.0, 600.0])
+def test_where_satellites_are_excluded_the_other_checks_share_the_stops(changes: dict[str, float], recover_after_s: float) -> None:
+    site = with_promises(on_satellite_fault="exclude", recover_after_s=recover_after_s, **changes)
     limits = limits_of(site)
-    stops = sum(alarms_a_year(name, site, limits) for name in statistical(limits) if name not in OF_SATELLITES)
-    assert stops == pytest.approx(1.0, rel=1e-6)
+    stops = of_positions(site, limits) + alarms_a_year("capture", site, limits) + alarms_a_year("slow", site, limits)
+    assert stops == pytest.approx(1.0, rel=PATHS_TO)
+
+
+def test_a_range_that_is_left_out_stops_nothing_and_costs_no_stops() -> None:
+    # The B-value leaves out one range, whatever the policy: its threshold follows the false exclusions alone.
+    values = {limits_of(with_promises(false_stops_per_year=stops))["b_value"] for stops in (0.01, 1.0, 100.0)}
+    assert len(values) == 1
+
+
+def test_one_constellation_alone_leaves_its_share_to_the_others() -> None:
+    site = with_promises(on_satellite_fault="stop", systems=("Galileo",))
+    limits = limits_of(site)
+    names = [name for name in statistical(limits) if name not in (*OF_POSITIONS, "b_value", "constellation")]
+    assert of_positions(site, limits) + sum(alarms_a_year(name, site, limits) for name in names) == pytest.approx(1.0, rel=PATHS_TO)
 
 
 def test_the_rule_of_the_source_uses_the_thresholds_of_full() -> None:
@@ -136,7 +169,7 @@ def test_radius_is_proportional_to_the_total_sigma() -> None:
 
 @pytest.mark.parametrize("fewer", [0.1, 0.01])
 def test_fewer_false_stops_raise_every_statistical_threshold(fewer: float) -> None:
-    stricter = limits_of(with_promises(false_stops_per_year=fewer))
+    stricter = limits_of(with_promises(false_stops_per_year=fewer, false_exclusions_per_year=fewer))
     assert all(stricter[name] > LIMITS[name] for name in statistical(LIMITS))
 
 

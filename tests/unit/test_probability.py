@@ -5,7 +5,15 @@ import pytest
 from scipy.stats import chi2, ncx2, norm
 
 from integrity.gnss.observations import Floats
-from integrity.probability import chi2_quantile, detectable_noncentrality, exceeds_again, gauss_quantile, tail_for_alarm_rate
+from integrity.probability import (
+    chi2_quantile,
+    detectable_noncentrality,
+    episodes_per_look,
+    exceeds_again,
+    gauss_quantile,
+    tail_for_alarm_rate,
+    tail_for_episode_rate,
+)
 
 DAY_LOOKS, YEAR_LOOKS = 86_400, 31_557_600.0
 
@@ -147,3 +155,47 @@ def test_alarms_of_a_simulated_process_are_those_asked_for() -> None:
 
 def test_quantiles_are_those_of_scipy() -> None:
     assert (gauss_quantile(1e-9), chi2_quantile(1e-9, 5)) == pytest.approx((norm.isf(1e-9), chi2.isf(1e-9, 5)), rel=1e-9)
+
+
+@pytest.mark.parametrize("dof", [1, 2, 3, 6])
+def test_with_one_clear_look_every_alarm_is_an_episode(dof: int) -> None:
+    alarms = 1e-6 * (1.0 - exceeds_again(chi2_quantile(1e-6, dof), dof, 0.97))
+    assert episodes_per_look(1e-6, dof, 0.97, 1) == pytest.approx(alarms, rel=1e-12)
+
+
+@pytest.mark.parametrize("dof", [1, 2, 3, 6])
+def test_episodes_far_apart_come_as_often_as_clumps(dof: int) -> None:
+    # Poisson clumping heuristic (Aldous 1989): f(b) (b - (dof - 1) / b) / tau, f the density of the length; looks are close to each other.
+    looks_of_tau, tail = 1e6, 1e-7
+    b = chi2_quantile(tail, dof) ** 0.5
+    density = 2.0 * b * chi2.pdf(b * b, dof)
+    found = episodes_per_look(tail, dof, float(np.exp(-1.0 / looks_of_tau)), int(20 * looks_of_tau))
+    assert found == pytest.approx(density * (b - (dof - 1) / b) / looks_of_tau, rel=0.02)
+
+
+def test_looks_that_know_nothing_of_each_other_are_each_an_episode() -> None:
+    assert episodes_per_look(1e-6, 1, 0.0, 31) == pytest.approx(1e-6, rel=1e-4)
+
+
+@pytest.mark.parametrize("clear", [1, 31, 601])
+@pytest.mark.parametrize("tau_s", [30.0, 3000.0])
+def test_the_episodes_of_a_tail_are_those_asked_for(tau_s: float, clear: int) -> None:
+    correlation = float(np.exp(-1.0 / tau_s))
+    tail = tail_for_episode_rate(0.2, YEAR_LOOKS, 3, correlation, clear)
+    assert YEAR_LOOKS * episodes_per_look(tail, 3, correlation, clear) == pytest.approx(0.2, rel=1e-6)
+
+
+# Of 4,000 processes the looks at which they exceed after `clear` at which they did not.
+@pytest.mark.parametrize(("dof", "tau_looks", "clear"), [(1, 10.0, 31), (2, 100.0, 31), (3, 30.0, 301), (4, 100.0, 101), (6, 0.3, 2)])
+def test_episodes_of_a_simulated_process(dof: int, tau_looks: float, clear: int) -> None:
+    rng, a, tail = np.random.default_rng(dof), float(np.exp(-1.0 / tau_looks)), 2e-4
+    threshold = chi2_quantile(tail, dof)
+    x = rng.standard_normal((dof, 4000))
+    silent, episodes = np.full(4000, clear), 0
+    for _ in range(1500):
+        x = a * x + np.sqrt(1.0 - a * a) * rng.standard_normal(x.shape)
+        exceeds = (x * x).sum(axis=0) > threshold
+        episodes += int((exceeds & (silent >= clear)).sum())
+        silent = np.where(exceeds, 0, silent + 1)
+    expected = 4000 * 1500 * episodes_per_look(tail, dof, a, clear)
+    assert episodes == pytest.approx(expected, abs=4.0 * np.sqrt(1.5 * expected) + 0.05 * expected)

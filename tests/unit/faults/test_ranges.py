@@ -17,6 +17,7 @@ from integrity.stream_memory import StreamMemory
 from recordings.faults import Fault, inject
 from recordings.faults.kinds import (
     AntennaMoved,
+    CodeBias,
     Effect,
     ReceiverBias,
     ReceiverRamp,
@@ -65,6 +66,26 @@ def test_a_ramp_grows_from_its_start_and_shows_in_doppler() -> None:
     code, doppler = changes(events, "B"), changes(events, "B", "doppler_hz")
     assert [code[t][SEEN[0]] for t in INSIDE] == pytest.approx([-3.0 * k for k in range(10)], abs=1e-6)
     assert doppler[INSIDE[0]][SEEN[0]] == pytest.approx(0.1 / WAVELENGTH_M, abs=1e-9)  # shrinking: approaching, positive
+
+
+def test_a_deformed_code_is_longer_where_it_is_heard_so() -> None:
+    events = with_fault(CodeBias(satellite=SEEN[0][:3], size_m=4.0, receivers=("B",)))
+    assert [changes(events, "B")[t][SEEN[0]] for t in INSIDE] == pytest.approx([4.0] * len(INSIDE), abs=1e-6)
+
+
+def test_a_deformed_code_leaves_the_carrier() -> None:
+    events = with_fault(CodeBias(satellite=SEEN[0][:3], size_m=4.0, receivers=("B",)))
+    assert [changes(events, "B", "carrier_cycles")[t][SEEN[0]] for t in INSIDE] == [0.0] * len(INSIDE)
+
+
+def test_a_deformed_code_leaves_receivers_that_are_not_named() -> None:
+    assert_untouched(with_fault(CodeBias(satellite=SEEN[0][:3], size_m=4.0, receivers=("B",))), "A", EPOCHS)
+
+
+@pytest.mark.parametrize("receiver", "ABC")
+def test_a_deformed_code_is_longer_everywhere_where_no_receiver_is_named(receiver: str) -> None:
+    events = with_fault(CodeBias(satellite=SEEN[0][:3], size_m=4.0))
+    assert changes(events, receiver)[START_NS][SEEN[0]] == pytest.approx(4.0, abs=1e-6)
 
 
 # Receivers

@@ -11,6 +11,7 @@ import pytest
 
 from integrity.errors import ConfigError
 from integrity.events import EphemerisReceived, Event, ObservationsReceived, RawBytes
+from integrity.gnss.constants import SPEED_OF_LIGHT_MPS
 from integrity.gnss.ephemeris.broadcast import Ephemeris, GeoEphemeris, GlonassEphemeris, KeplerEphemeris
 from integrity.gnss.gps_time import NS_PER_S
 from integrity.gnss.navigation import fnav
@@ -78,7 +79,7 @@ def stream() -> tuple[Event, ...]:
 
 
 @cache
-def with_fault(satellite: str, offset_m: float, direction: Axis) -> tuple[Event, ...]:
+def with_fault(satellite: str, offset_m: float, direction: Axis | Literal["clock"]) -> tuple[Event, ...]:
     effect = WrongEphemeris(satellite=satellite, offset_m=offset_m, direction=direction)
     return inject(stream(), [Fault(START_NS + round(BEGIN_S * NS_PER_S), START_NS + round(END_S * NS_PER_S), effect)], SITE)
 
@@ -206,8 +207,43 @@ SEEN = sorted({signal[:3] for signal in everywhere.WAS["A", 0].signals})
 ONE_OF_EACH = [next(satellite for satellite in SEEN if satellite[0] == system) for system in "GECJR"]
 
 
-def rtcm_fault(satellite: str, offset_m: float, direction: Axis) -> tuple[Event, ...]:
+def rtcm_fault(satellite: str, offset_m: float, direction: Axis | Literal["clock"]) -> tuple[Event, ...]:
     return everywhere.with_fault(RTCM, WrongEphemeris(satellite=satellite, offset_m=offset_m, direction=direction), everywhere.RTCM_SITE)
+
+
+def ahead_m(true: Ephemeris, wrong: Ephemeris) -> float:
+    """By how much the clock of a satellite is said to be ahead; the GLONASS term is what is added to its time."""
+    assert not isinstance(true, GeoEphemeris) and not isinstance(wrong, GeoEphemeris)
+    if isinstance(true, GlonassEphemeris) and isinstance(wrong, GlonassEphemeris):
+        return SPEED_OF_LIGHT_MPS * (true.tau_n_s - wrong.tau_n_s)
+    assert isinstance(true, KeplerEphemeris) and isinstance(wrong, KeplerEphemeris)
+    return SPEED_OF_LIGHT_MPS * (wrong.af0 - true.af0)
+
+
+CLOCK_UNIT_M = 0.3  # of GLONASS, the coarsest: 2^-30 s
+
+
+@of_words
+def test_a_receiver_hears_the_true_clock_the_wrong_one_and_the_true_one_again(name: str) -> None:
+    satellite = SETS[name].satellite
+    true, wrong, again = told(with_fault(satellite, 800.0, "clock"), satellite)
+    assert [ahead_m(true, wrong), ahead_m(true, again)] == pytest.approx([800.0, 0.0], abs=CLOCK_UNIT_M)
+
+
+@of_words
+def test_a_clock_that_is_off_leaves_the_orbit(name: str) -> None:
+    satellite = SETS[name].satellite
+    true, wrong, _ = told(with_fault(satellite, 800.0, "clock"), satellite)
+    assert orbit_displacement_m(true, wrong, START_NS + 90 * NS_PER_S) == pytest.approx(0.0, abs=1e-6)  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize("satellite", ONE_OF_EACH)
+def test_rtcm_tells_the_wrong_clock_while_the_fault_lasts(satellite: str) -> None:
+    sets = told(rtcm_fault(satellite, -500.0, "clock"), satellite, "rtcm3")
+    n = len(sets) // 3
+    assert [ahead_m(true, wrong) for true, wrong in zip(sets[:n], sets[n : 2 * n], strict=True)] == pytest.approx(
+        [-500.0] * n, abs=CLOCK_UNIT_M
+    )
 
 
 @pytest.mark.parametrize("satellite", ONE_OF_EACH)
