@@ -54,13 +54,15 @@ FOUND = {
 
 class CarrierDesign(NamedTuple):
     """The error model and the windows of the monitors; `lock_share`: the share of the true tracking time that a lock time says at least;
-    `thresholds` of `CARRIER_CHECKS`, in sigmas."""
+    `thresholds` of `CARRIER_CHECKS`, in sigmas; `log_likelihood_ratio`: how much likelier than a common motion a satellite's own must be
+    where it is named."""
 
     errors: SignalErrors
     motion: MotionDesign
     divergence: DivergenceDesign
     lock_share: float
     thresholds: Mapping[str, float]
+    log_likelihood_ratio: float
 
 
 def motion_design(interval_s: float) -> MotionDesign:
@@ -69,9 +71,10 @@ def motion_design(interval_s: float) -> MotionDesign:
     return MotionDesign(half_epochs, longest_half_s=LONGEST_S, longest_gap_s=LONGEST_S, clock_m=ERRORS.clock_m)
 
 
-def carrier_design(interval_s: float, thresholds: Mapping[str, float]) -> CarrierDesign:
+def carrier_design(interval_s: float, thresholds: Mapping[str, float], log_likelihood_ratio: float) -> CarrierDesign:
     """For epochs so far apart, and thresholds by check."""
-    return CarrierDesign(ERRORS, motion_design(interval_s), DIVERGENCE, LOCK_SHARE, {name: thresholds[name] for name in CARRIER_CHECKS})
+    of_carriers = {name: thresholds[name] for name in CARRIER_CHECKS}
+    return CarrierDesign(ERRORS, motion_design(interval_s), DIVERGENCE, LOCK_SHARE, of_carriers, log_likelihood_ratio)
 
 
 def clean_for_s(check: str, recover_after_s: float) -> float:

@@ -15,7 +15,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from integrity.carrier_thresholds import CARRIER_CHECKS, CarrierDesign
+from integrity.carrier_thresholds import CARRIER_CHECKS, MOTION_CHECKS, CarrierDesign
 from integrity.gnss.combination import weights_of
 from integrity.gnss.constants import SPEED_OF_LIGHT_MPS
 from integrity.gnss.ephemeris.broadcast import Ephemeris
@@ -23,10 +23,11 @@ from integrity.gnss.ephemeris.content import content_crc32
 from integrity.gnss.ephemeris.states import Ephemerides, satellite_states
 from integrity.gnss.observations import ROW_ARRAYS, Bools, Floats, Ints, ObservationBlock, slices
 from integrity.gnss.positioning import Points, expected, state_time_ns
-from integrity.gnss.signals import bands_of, carrier_hz
+from integrity.gnss.signals import TIME_SCALES, bands_of, carrier_hz
 from integrity.monitors import carrier_motion, divergence
-from integrity.monitors.carrier_motion import MotionInputs, MotionMemory
+from integrity.monitors.carrier_motion import MotionInputs, MotionMemory, MotionStatistics
 from integrity.monitors.carrier_residuals import TrackingMemory, carrier_residual_m, code_minus_carrier_m, continuing, nature
+from integrity.monitors.common_motion import Measured, is_displaced, may_be_named
 from integrity.monitors.divergence import DivergenceInputs, DivergenceMemory
 from integrity.monitors.residuals import seen_by_all
 from integrity.satellites import Watched
@@ -76,7 +77,9 @@ def watch(memory: CarrierMemory, sight: Sight, points: Points, design: CarrierDe
     jump_m, serving = _ephemeris_jumps(memory.serving_on(block.signals), sky, block.epoch_ns, points)
     n_epochs, n_receivers, n_signals = block.carrier_cycles.shape
     shown = np.empty((len(CARRIER_CHECKS), n_epochs, n_signals))
+    names, everything = np.zeros((2, len(MOTION_CHECKS), n_epochs), dtype=np.bool_)
     tracking, motion, apart = memory.tracking, memory.motion, memory.divergence
+    most = np.array([design.thresholds[name] for name in MOTION_CHECKS])[:, None, None]
     for few in slices(n_epochs, n_receivers * n_signals):
         seen = _seen(sight, few, jump_m)
         tracking, continues = continuing(tracking, seen.part, design.lock_share)
@@ -84,14 +87,41 @@ def watch(memory: CarrierMemory, sight: Sight, points: Points, design: CarrierDe
         motion, moved = carrier_motion.advance(motion, of_motion, design.motion)
         apart, left = divergence.advance(apart, of_code, design.divergence)
         found = seen_by_all(np.concatenate((moved.sigmas, left.sigmas)))
+        if (found[: len(MOTION_CHECKS)] > most).any():
+            names[:, few], everything[:, few] = _of_satellites_or_all(found, moved, sight, few, seen, design)
         if seen.columns is None:
             shown[:, few] = found
         else:
             shown[:, few] = np.nan
             shown[:, few, seen.columns] = found
-    watched = tuple(Watched(name, of, design.thresholds[name]) for name, of in zip(CARRIER_CHECKS, shown, strict=True))
+    by_motion = dict(zip(MOTION_CHECKS, zip(names, everything, strict=True), strict=True))
+    watched = tuple(
+        Watched(name, of, design.thresholds[name], *by_motion.get(name, ())) for name, of in zip(CARRIER_CHECKS, shown, strict=True)
+    )
     served = serving if seen.columns is None else tuple(serving[s] for s in seen.columns.tolist())
     return CarrierMemory(seen.part.signals, served, tracking, motion, apart), watched
+
+
+def _of_satellites_or_all(
+    found: Floats, moved: MotionStatistics, sight: Sight, few: slice, seen: "_Seen", design: CarrierDesign
+) -> tuple[Bools, Bools]:
+    """By check of motion and epoch (3, E), where one exceeds its threshold: whether satellites may be named, all their signals together,
+    and whether everything moved."""
+    part, n = seen.part, moved.sigmas.shape[2]
+    names, everything = np.zeros((2, len(MOTION_CHECKS), len(part.epoch_ns)), dtype=np.bool_)
+    los = sight.sky.expected.los_enu if seen.columns is None else sight.sky.expected.los_enu[..., seen.columns]
+    towards = np.add.reduce(los[:, few], axis=2) / n
+    sigma_m = np.broadcast_to(moved.sigma, moved.sigmas.shape)[:, :, 0]
+    moved_m = np.add.reduce(moved.sigmas, axis=2) / n * sigma_m
+    satellite_of = np.array(part.satellites)
+    for c, name in enumerate(MOTION_CHECKS):
+        for e in np.flatnonzero((found[c] > design.thresholds[name]).any(axis=-1)).tolist():
+            one = slice(e, e + 1)
+            of = Measured(moved_m[c, one], towards[:, one], sigma_m[c, one], np.isfinite(moved_m[c, one]), seen.system_of, len(TIME_SCALES))
+            suspects = np.isin(satellite_of, satellite_of[found[c, e] > design.thresholds[name]])[None]
+            names[c, e] = may_be_named(of, suspects, design.log_likelihood_ratio)[0]
+            everything[c, e] = is_displaced(of, design.log_likelihood_ratio)[0]
+    return names, everything
 
 
 class _Seen(NamedTuple):

@@ -7,6 +7,7 @@ from integrity.deciding import Decided, Place
 from integrity.exclusion import Exclusion
 from integrity.gnss.observations import Bools
 from integrity.limits import Limits
+from integrity.monitors.common_motion import is_displaced
 from integrity.monitors.single_differences import PairStatistics, captured, captured_receivers
 from integrity.monitors.triangles import swapped_receivers
 from integrity.naming import LastClean, named_receiver, stands_elsewhere
@@ -22,6 +23,7 @@ def evidence_of(decided: Decided, e: int, exclusions: tuple[Exclusion, ...], las
         named=_named(decided, e, last, place),
         collapsed=bool(full.naming.collapse_fit[e] <= limits.collapse_fit),
         captured=_captured(full, e, limits),
+        displaced=_displaced(decided, e, limits),
         fed=decided.around.heard.fed[e] > limits["told"],
         exclusions=exclusions,
         enough_without_exclusion=bool(decided.alone.solution.n_used[e].min() >= limits.min_common_satellites),
@@ -39,6 +41,14 @@ def _named(decided: Decided, e: int, last: LastClean | None, place: Place) -> Bo
         return named
     used = full.used[e : e + 1]
     return named & stands_elsewhere(of.los_enu, of.prefit_m, of.sigma_differential_m, used, of.system_of, of.n_systems, limits)
+
+
+def _displaced(decided: Decided, e: int, limits: Limits) -> bool:
+    """Whether ranges, or carriers that moved, are those of a triangle that is dragged away."""
+    used = decided.full.used[e : e + 1]
+    of = decided.sight.satellites.epoch(e)
+    by_carrier = any(w.everything is not None and w.everything[0] and (w.exceeds & used).any() for w in of.watched)
+    return by_carrier or bool(is_displaced(of.measured(used), limits.log_likelihood_ratio)[0])
 
 
 def _captured(full: BlockChecks, e: int, limits: Limits) -> Bools:

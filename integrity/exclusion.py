@@ -32,6 +32,7 @@ import numpy as np
 
 from integrity.gnss.observations import Bools, Ints
 from integrity.limits import Limits
+from integrity.monitors.common_motion import displaced, may_be_named, standing
 from integrity.monitors.constellations import misfits
 from integrity.monitors.residuals import without_lone_satellites
 from integrity.satellites import SatelliteInputs, SatelliteStatistics, Watched
@@ -186,7 +187,7 @@ def _epoch(
     left_out = _failing_channels(inputs, used, receivers, satellites, limits)
     without_channels_left_out = used & ~np.isin(satellites, [c.satellite for c in left_out])
     by_range = _failing_satellites(inputs, without_channels_left_out, satellites, gps_ns, limits)
-    newly |= {} if _rather_of_a_constellation(inputs, used, by_range, satellites, limits) else by_range
+    newly |= {} if _rather_of_others(inputs, used, by_range, satellites, limits) else by_range
     used = _less(inputs, used, newly, satellites)
     displaced = _displaced_constellation(inputs, used, satellites, gps_ns, limits)
     newly |= displaced
@@ -216,10 +217,13 @@ def _less(inputs: SatelliteInputs, used: Bools, out: Table, satellites: tuple[st
 
 
 def _found_at_fault(inputs: SatelliteInputs, used: Bools, satellites: tuple[str, ...], gps_ns: int, limits: Limits) -> dict[str, Exclusion]:
-    """Satellites of which something watched fails, each by the check that fails most; nothing where they are too many to be at fault."""
+    """Satellites of which something watched fails, each by the check that fails most; nothing where they are too many to be at fault. Not
+    one that receivers measure differently: then it is not the satellite that fails."""
     worst: dict[str, tuple[float, Watched, int]] = {}
-    for of in inputs.watched:
-        for s in np.flatnonzero(of.exceeds[0] & used[0]).tolist():
+    failing = [of for of in inputs.watched if (of.names is None or of.names[0]) and (of.exceeds[0] & used[0]).any()]
+    alike = (np.abs(inputs.statistics(used).b_sigmas[0]) <= limits["b_value"]).all(axis=0) if failing else used[0]
+    for of in failing:
+        for s in np.flatnonzero(of.exceeds[0] & used[0] & alike).tolist():
             times = float(of.statistic[0, s]) / of.threshold
             if satellites[s] not in worst or times > worst[satellites[s]][0]:
                 worst[satellites[s]] = times, of, s
@@ -231,9 +235,11 @@ def _found_at_fault(inputs: SatelliteInputs, used: Bools, satellites: tuple[str,
     }
 
 
-def _rather_of_a_constellation(inputs: SatelliteInputs, used: Bools, failing: Table, satellites: tuple[str, ...], limits: Limits) -> bool:
-    """Whether several satellites of one constellation fail at once by ranges that one displacement of all its orbits explains: naming them
-    would be wrong then. Two faults of single satellites leave a misfit."""
+def _rather_of_others(inputs: SatelliteInputs, used: Bools, failing: Table, satellites: tuple[str, ...], limits: Limits) -> bool:
+    """Whether satellites fail by ranges that a displacement of everything explains as well, or several of one constellation by ranges that
+    one displacement of all its orbits explains: naming them would be wrong then. Two faults of single satellites leave a misfit."""
+    if failing and not may_be_named(inputs.measured(used), np.isin(satellites, list(failing)) & used, limits.log_likelihood_ratio)[0]:
+        return True
     systems = [int(inputs.system_of[satellites.index(satellite)]) for satellite in failing]
     several = {system for system in systems if systems.count(system) > 1}
     if not several:
@@ -245,11 +251,16 @@ def _rather_of_a_constellation(inputs: SatelliteInputs, used: Bools, failing: Ta
 def _displaced_constellation(
     inputs: SatelliteInputs, used: Bools, satellites: tuple[str, ...], gps_ns: int, limits: Limits
 ) -> dict[str, Exclusion]:
-    """All satellites of the one constellation that puts the triangle elsewhere; nothing unless all receivers see it alike, and what remains
-    passes."""
+    """All satellites of the one constellation that puts the triangle elsewhere; nothing unless it is alone in that, all receivers see it
+    alike, and what remains passes."""
     where = inputs.displacements(inputs.constellations(used))[0]
     failing = np.flatnonzero(where > limits["constellation"])
     if len(failing) != 1:
+        return {}
+    mine = used & (inputs.system_of == failing[0])
+    everything = inputs.measured(used)
+    alone = misfits(inputs.constellations(used), inputs.prefit_m)[0][0, failing[0]] + standing(everything, mine)[0]
+    if not 0.5 * (displaced(everything)[0][0] - alone) > limits.log_likelihood_ratio:
         return {}
     b = np.abs(inputs.statistics(used).b_sigmas[0][:, used[0] & (inputs.system_of == failing[0])])
     if not (b <= limits["b_value"]).all():
@@ -260,8 +271,8 @@ def _displaced_constellation(
     if not passes or remaining.sum() < limits.min_common_satellites:
         return {}
     statistic = float(where[failing[0]])
-    mine = np.flatnonzero(used[0] & (inputs.system_of == failing[0])).tolist()
-    return {satellites[s]: Exclusion(satellites[s], gps_ns, "constellation", statistic, limits["constellation"]) for s in mine}
+    out = [satellites[s] for s in np.flatnonzero(mine[0]).tolist()]
+    return {satellite: Exclusion(satellite, gps_ns, "constellation", statistic, limits["constellation"]) for satellite in out}
 
 
 def _constellation_passes(inputs: SatelliteInputs, column: int, limits: Limits) -> bool:

@@ -14,12 +14,14 @@ from integrity.carrier_thresholds import MOTION_CHECKS, CarrierDesign, carrier_d
 from integrity.config import SiteConfig
 from integrity.gnss.gps_time import NS_PER_S
 from integrity.gnss.observations import Bools, Floats, Ints
+from integrity.monitors.common_motion import MISFIT
 from integrity.monitors.slow import SlowDesign
 from integrity.probability import chi2_quantile, gauss_quantile
 from integrity.states import Outcome
 from integrity.thresholds import FAMILIES, Promises, Threshold
 from integrity.triangle import ReferenceTriangle
 
+NAMED_RATHER = log(1000.0)  # than anything else, for whoever is named: section 2.2, (iv)
 ALL_FAMILIES = (*FAMILIES, carrier_thresholds)
 
 
@@ -31,7 +33,7 @@ class Limits:
     radius_m: float
     isolation: float  # naming (i), on t_j, chi-square with 3 degrees of freedom
     pair: float  # naming (ii), on T_pair
-    log_likelihood_ratio: float  # naming (iv)
+    log_likelihood_ratio: float  # naming (iv), and satellites rather than a common motion
     jump_log_likelihood_ratio: float  # the same for what moved: stricter, since it comes on top of (iv)
     collapse_fit: float  # the solved points are one point: chi-square with 6 degrees of freedom
     undetected_sigmas: float  # of a satellite's range: what residuals miss with the accepted probability; section 2.3, E_i
@@ -62,8 +64,8 @@ class Limits:
             array.setflags(write=False)
 
     def misfit(self, dof: int) -> float:
-        """What a chi-square statistic of so many degrees of freedom exceeds in one case of a thousand; own choice."""
-        return chi2_quantile(1e-3, dof) if dof else 0.0
+        """What a chi-square statistic of so many degrees of freedom exceeds in one case of a thousand."""
+        return chi2_quantile(MISFIT, dof) if dof else 0.0
 
     @cached_property
     def names(self) -> tuple[str, ...]:
@@ -102,14 +104,14 @@ def derive(site: SiteConfig, triangle: ReferenceTriangle) -> Limits:
         radius_m=value[f"circle_{site.receiver_names[0]}"],
         isolation=chi2_quantile(promises.share / promises.looks_per_year, 3),
         pair=chi2_quantile(1e-3, 3),
-        log_likelihood_ratio=log(1000.0),
+        log_likelihood_ratio=NAMED_RATHER,
         jump_log_likelihood_ratio=log(10_000.0),
         collapse_fit=chi2_quantile(min(p_md, 1e-5), 6),
         undetected_sigmas=value["residual"] + gauss_quantile(p_md / promises.n),  # any one of the receivers may be the one that misses it
         least_separation=value["capture"] + promises.k_md,
         missed_detection=p_md,
         slow=promises.slow,
-        carriers=carrier_design(promises.interval_s, value),
+        carriers=carrier_design(promises.interval_s, value, NAMED_RATHER),
         clock_sigmas=6.0,
         gain_drop=0.15,
         min_common_satellites=5,

@@ -5,6 +5,7 @@ from typing import NamedTuple
 import numpy as np
 
 from integrity.gnss.observations import Bools, Floats, Ints
+from integrity.monitors.common_motion import Measured
 from integrity.monitors.constellations import ConstellationDesign, constellation_design, displacements
 from integrity.monitors.residuals import (
     ClockDesign,
@@ -19,17 +20,28 @@ from integrity.monitors.residuals import (
 
 
 class Watched(NamedTuple):
-    """What one monitor with memory says of the satellites of a block, (E, S), whichever of them are used; NaN where it says nothing."""
+    """What one monitor with memory says of the satellites of a block, (E, S), whichever of them are used; NaN where it says nothing.
+
+    `names` (E,): where no motion of everything explains as well what exceeds the threshold, so that satellites may be named; `everything`
+    (E,): where nothing else does (`monitors.common_motion`). None of monitors that no motion can deceive.
+    """
 
     check: str
     statistic: Floats
     threshold: float
+    names: Bools | None = None
+    everything: Bools | None = None
 
     @property
     def exceeds(self) -> Bools:
         """Where the satellite is found at fault, (E, S)."""
         result: Bools = self.statistic > self.threshold
         return result
+
+    def epochs(self, s: slice) -> "Watched":
+        """The same for some epochs."""
+        names, everything = (None if of is None else of[s] for of in (self.names, self.everything))
+        return self._replace(statistic=self.statistic[s], names=names, everything=everything)
 
 
 class SatelliteInputs(NamedTuple):
@@ -52,6 +64,12 @@ class SatelliteInputs(NamedTuple):
         """The same for one epoch, as a block of one."""
         return self.epochs(slice(e, e + 1))
 
+    def measured(self, among: Bools) -> Measured:
+        """Ranges of satellites (E, S), all receivers together."""
+        n = self.prefit_m.shape[1]
+        moved_m, towards = np.add.reduce(self.prefit_m, axis=1) / n, np.add.reduce(self.los_enu, axis=2) / n
+        return Measured(moved_m, towards, self.sigma_m, among, self.system_of, self.n_systems)
+
     def epochs(self, s: slice) -> "SatelliteInputs":
         """The same for some epochs."""
         return self._replace(
@@ -60,7 +78,7 @@ class SatelliteInputs(NamedTuple):
             sigma_m=self.sigma_m[s],
             sigma_differential_m=self.sigma_differential_m[s],
             screened=self.screened[s],
-            watched=tuple(of._replace(statistic=of.statistic[s]) for of in self.watched),
+            watched=tuple(of.epochs(s) for of in self.watched),
         )
 
     def statistics(self, used: Bools) -> "SatelliteStatistics":

@@ -11,6 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from integrity.carrier_thresholds import MOTION_CHECKS
 from integrity.config import Rule, SatelliteFaultPolicy
 from integrity.exclusion import Exclusion
 from integrity.gnss.observations import Bools, Floats, Ints
@@ -36,6 +37,7 @@ class Verdict:
             raise ValueError(f"cause {self.cause!r} does not give state {self.state}")
 
 
+OF_SATELLITES = ("residual", "constellation", *MOTION_CHECKS)  # what a triangle that is dragged away sets off before it has gone far
 CLEAN = Verdict(State.NORMAL, Cause.NONE)
 
 
@@ -56,6 +58,7 @@ class Evidence(NamedTuple):
     named: Bools  # (R,) the receiver that the naming rules name, if any
     collapsed: bool  # the solved points are one point
     captured: Bools  # (R,) receivers of pairs that hear one transmitter, by their ranges
+    displaced: bool  # all ranges, or all carriers, are those of a triangle that is dragged away
     fed: Bools  # (R,) receivers that were told of several satellites otherwise than the others
     exclusions: tuple[Exclusion, ...]
     enough_without_exclusion: bool  # the common set would be large enough with the excluded satellites
@@ -143,6 +146,9 @@ def cause_of(outcome: Mapping[str, Outcome], bad: set[str], evidence: Evidence) 
         return Cause.SPOOFING, _chosen(evidence.receivers, evidence.fed), ("told",)
     if shape_holds and Outcome.FAIL in (outcome["common"], outcome["common_3d"]):
         return Cause.SPOOFING, (), ("common", "common_3d")
+    dragged = tuple(n for n in OF_SATELLITES if outcome[n] == Outcome.FAIL)
+    if shape_holds and dragged and evidence.displaced:
+        return Cause.SPOOFING, (), dragged
     if evidence.exclusions and bad <= set(circles):  # without it all fits, or the sky left is too weak
         systems = {x.satellite[0] for x in evidence.exclusions if x.check == "constellation"}
         if systems:

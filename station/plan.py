@@ -5,7 +5,7 @@ could be promised: it stands beside the check, not in it, since it has no errors
 """
 
 from dataclasses import asdict, dataclass, replace
-from math import ceil, hypot
+from math import ceil, hypot, log2
 from pathlib import Path
 from typing import Any
 
@@ -23,7 +23,7 @@ MISSED_DETECTION = (1e-3, 1e-5, 1e-7)
 # Nearer antennas share multipath, as reference antennas of GBAS do: the order of 100 m between those is from knowledge of their siting, not
 # re-opened; that it should be so here is this project's own choice.
 INDEPENDENT_M = 100.0
-AMPLE = 1000.0  # by this a triangle is scaled so that its thresholds can be derived, whatever its size: none depends on it
+AMPLE = 1000.0  # sigmas: to at least these a triangle is scaled so that its thresholds can be derived, whatever its size: none depends on it
 
 
 @dataclass(frozen=True)
@@ -97,8 +97,8 @@ def promise(config: SiteConfig, triangle: ReferenceTriangle, false_stops_per_yea
     """What follows of a pair of promises for a site; its own tolerance, if it states one, is what has to be kept."""
     stated = config.integrity
     promises = replace(stated, false_stops_per_year=false_stops_per_year, missed_detection=missed_detection, tolerance_m=None)
-    ample = replace(triangle, baseline_enu_m=triangle.baseline_enu_m * (AMPLE / max(collapse_separation(config, triangle), 1e-3)))
-    limits = derive(replace(config, integrity=promises), ample)
+    separation = collapse_separation(config, triangle)
+    limits = derive(replace(config, integrity=promises), _ample(triangle, separation))
 
     def caught(check: str) -> float:
         smallest = limits.by_name[check].smallest_fault
@@ -107,7 +107,6 @@ def promise(config: SiteConfig, triangle: ReferenceTriangle, false_stops_per_yea
 
     needed = max(caught("collapse"), COLLAPSE_SIGMAS)  # `check` asks for the second, whatever is promised
     least_m = limits.radius_m + gauss_quantile(missed_detection) * _total_sigma_m(config)  # both sides of a radius: section 2.1
-    separation = collapse_separation(config, triangle)
     broken = []
     if separation < needed:
         broken.append(f"collapse needs {needed:.1f} sigma, the triangle has {separation:.1f}")
@@ -126,6 +125,11 @@ def promise(config: SiteConfig, triangle: ReferenceTriangle, false_stops_per_yea
         separation=needed,
         broken=tuple(broken),
     )
+
+
+def _ample(triangle: ReferenceTriangle, separation: float) -> ReferenceTriangle:
+    """The triangle that no check is too small for; scaled by a power of two, which changes no bit of what follows from its form."""
+    return replace(triangle, baseline_enu_m=triangle.baseline_enu_m * 2.0 ** max(ceil(log2(AMPLE / max(separation, 1e-3))), 0))
 
 
 def _total_sigma_m(config: SiteConfig) -> float:

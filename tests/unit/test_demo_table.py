@@ -19,7 +19,8 @@ from train_client.simulate.story import END_S, STATION_SETTINGS, TIMELINE, Phase
 from train_client.trust import TrustState
 
 CONTRACT = Contract(interval_s=0.1, recover_after_s=3.0, recover_messages=10, valid_for_s=3.0)
-PHASES = tuple(replace(p, excluded=("G07",)) if p.kind == "satellite_step" else p for p in TIMELINE)
+(STEPPED_S,) = (p.start_s for p in TIMELINE if p.kind == "satellite_step")
+PHASES = tuple(replace(p, excluded=("G07",)) if p.start_s >= STEPPED_S else p for p in TIMELINE)
 STEP_NS = NS_PER_S // 10
 BEGAN_NS = 500 * NS_PER_S
 SENT_NS = BEGAN_NS + 2 * NS_PER_S  # first epoch
@@ -52,8 +53,8 @@ def said(k: int) -> tuple[State, Cause, tuple[str, ...], tuple[str, ...]]:
     for p in PHASES:
         returns_s = 3.0 if p.cause is not Cause.NONE and p.kind != "start" else 0.0
         if p.start_s <= s < p.end_s + returns_s:
-            return p.state, p.cause, p.subjects, p.excluded if s < p.end_s else ()
-    return State.NORMAL, Cause.NONE, (), ()
+            return p.state, p.cause, p.subjects, p.excluded
+    return State.NORMAL, Cause.NONE, (), ("G07",) if s >= STEPPED_S else ()
 
 
 def trust_at(s: float) -> TrustState:
@@ -151,6 +152,8 @@ BROKEN: dict[str, tuple[str, Callable[[Records], Records]]] = {
     "train stops for a satellite": ("satellite fault", lambda r: positions(r, 28.0, 28.1, trust=TrustState.SATELLITE_ANOMALY)),
     "no positions meanwhile": ("satellite fault", lambda r: positions(r, 28.0, 30.0, status=Status.PROVISIONAL)),
     "30 m of it in positions": ("satellite fault", lambda r: positions(r, 28.0, 38.0, error_m=0.6)),
+    "it comes back": ("satellite fault", lambda r: healths(r, 60.0, 60.1, lambda h: replace(h, excluded=()))),
+    "it is believed again": ("jamming", lambda r: healths(r, 62.0, 62.1, lambda h: replace(h, excluded=()))),
     "spoofing not named": ("spoofing", lambda r: healths(r, 46.0, 46.1, lambda h: replace(h, cause=Cause.AMBIGUOUS))),
     "jamming not seen": ("jamming", lambda r: healths(r, 61.0, 61.1, lambda h: replace(h, state=State.NORMAL, cause=Cause.NONE))),
     "forged message believed": (

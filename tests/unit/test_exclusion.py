@@ -9,6 +9,7 @@ from integrity.exclusion import Exclusion, Table, Walk, walk, without_channels
 from integrity.gnss.gps_time import NS_PER_S
 from integrity.gnss.observations import Bools, Floats
 from integrity.satellites import SatelliteInputs, Watched
+from tests.unit.gnss.skies import made_sky
 from tests.unit.streams import LIMITS as SITE_LIMITS
 
 LIMITS = replace(SITE_LIMITS, recover_epochs=3, recover_after_ns=4 * NS_PER_S)
@@ -18,6 +19,8 @@ N = len(SATELLITES)
 RECEIVERS = ("A", "B", "C")
 SIGMA_M, SIGMA_DIFFERENTIAL_M = 1.0, 0.4
 STEP_M = 30.0
+TOWARDS = made_sky(7, (8, 4), epochs=1, receivers=1).los_enu[:, 0, 0]
+LITTLE_M2 = 1e12
 ALL, NOBODY = (0, 1, 2), ()
 
 
@@ -36,18 +39,19 @@ def with_fault(
 
 
 def made(prefit_m: Floats, screened: Bools, watched: tuple[Watched, ...] = ()) -> SatelliteInputs:
-    """Without directions: constellations put the triangle nowhere."""
+    """With directions, by which nothing but the satellites explains their faults; a site that promises so little of its position that no
+    constellation puts the triangle elsewhere."""
     shape = (len(prefit_m), N)
     return SatelliteInputs(
         prefit_m,
-        np.zeros((3, *prefit_m.shape)),
+        np.broadcast_to(TOWARDS[:, None, None], (3, *prefit_m.shape)),
         np.full(shape, SIGMA_M),
         np.full(shape, SIGMA_DIFFERENTIAL_M),
         screened,
         SYSTEM_OF,
         2,
-        np.ones(3),
-        np.ones(3),
+        np.full(3, LITTLE_M2),
+        np.full(3, LITTLE_M2),
         watched,
     )
 

@@ -10,7 +10,7 @@ from integrity.gnss.gps_time import NS_PER_S
 from integrity.gnss.observations import Floats
 from integrity.satellites import SatelliteInputs, Watched
 from tests.unit.gnss.skies import made_sky
-from tests.unit.test_exclusion import LIMITS, RECEIVERS, SATELLITES, SIGMA_M, SYSTEM_OF, N, inputs_of, sky, with_fault
+from tests.unit.test_exclusion import LIMITS, RECEIVERS, SATELLITES, SYSTEM_OF, N, inputs_of, sky, with_fault
 
 OF_SATELLITES = made_sky(7, (8, 4), epochs=1, receivers=1).los_enu
 FRAME_M = np.array([15.0, -20.0, 30.0])
@@ -33,6 +33,24 @@ def watched(check: str, statistics: dict[str, float], epochs: int = 1, on: slice
 def test_what_is_watched_takes_its_satellite_out() -> None:
     out = of(watched("step", {"G03": 7.0})).table["G03"]
     assert (out.check, out.statistic, out.threshold) == ("step", 7.0, LIMIT)
+
+
+def test_where_everything_may_have_moved_nobody_is_named() -> None:
+    inputs = watched("step", {"G03": 7.0})
+    of_step = inputs.watched[0]._replace(names=np.array([False]), everything=np.array([True]))
+    assert not of(inputs._replace(watched=(of_step,))).table
+
+
+def test_where_nothing_else_explains_it_satellites_are_named() -> None:
+    inputs = watched("step", {"G03": 7.0})
+    of_step = inputs.watched[0]._replace(names=np.array([True]), everything=np.array([False]))
+    assert "G03" in of(inputs._replace(watched=(of_step,))).table
+
+
+@pytest.mark.parametrize("receiver", range(3))
+def test_a_satellite_that_receivers_measure_differently_is_not_named(receiver: int) -> None:
+    inputs = watched("step", {"G03": 7.0})
+    assert not of(inputs._replace(prefit_m=with_fault("G03", 30.0, (receiver,)))).table
 
 
 def test_at_its_threshold_it_passes() -> None:
@@ -88,7 +106,7 @@ def frame(system: int, size: float = 1.0, epochs: int = 1) -> SatelliteInputs:
     towards = np.broadcast_to(OF_SATELLITES, (3, epochs, len(RECEIVERS), N))
     along_m: Floats = size * (np.ascontiguousarray(towards) * FRAME_M[:, None, None, None]).sum(axis=0)
     prefit_m = sky(epochs) + np.where(system == SYSTEM_OF, along_m, 0.0)
-    return inputs_of(prefit_m)._replace(los_enu=np.ascontiguousarray(towards), sigma_m=np.full((epochs, N), SIGMA_M))
+    return inputs_of(prefit_m)._replace(los_enu=np.ascontiguousarray(towards), common_m2=np.ones(3), mean_m2=np.ones(3))
 
 
 @pytest.mark.parametrize("system", [0, 1])

@@ -145,7 +145,7 @@ def test_a_quiet_epoch_finds_its_geometry_made(monkeypatch: pytest.MonkeyPatch) 
     made: list[int] = []
     place = 1 + max(i for i, e in enumerate(events[:-8]) if isinstance(e, Tick))
     told(monitor, events[:place], ahead=True)
-    monkeypatch.setattr("integrity.station_monitor.geometry_of", lambda *_: made.append(1))
+    monkeypatch.setattr("integrity.deciding.geometry_of", lambda *_: made.append(1))
     assert (len(reports(monitor.feed(events[place : place + 3]))), made) == (1, [])
 
 

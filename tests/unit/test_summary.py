@@ -38,7 +38,7 @@ def at(second: int) -> str:
 
 
 def spoiled(row: ObservationRow) -> ObservationRow | None:
-    """G07 40 m long from 10 to 14 s; B elsewhere from 30 to 33 s; B silent from 45 to 49 s."""
+    """The code of G07 40 m long from 10 to 14 s, so that it jumps again at 15 s; B elsewhere from 30 to 33 s; B silent from 45 to 49 s."""
     second = epoch_of(row)
     if 10 <= second < 15:
         return with_more(row, "pseudorange_m", 40.0, [row.signals.index("G07.1C")])
@@ -229,7 +229,7 @@ def test_a_silence_at_the_end_runs_to_the_last_word() -> None:
 
 def test_an_exclusion_says_when_why_and_until_when(found: dict[str, Any]) -> None:
     (exclusion,) = found["exclusions"]
-    assert (exclusion["satellite"], exclusion["start"], exclusion["end"], exclusion["check"]) == ("G07", at(10), at(20), "residual")
+    assert (exclusion["satellite"], exclusion["start"], exclusion["end"], exclusion["check"]) == ("G07", at(10), at(21), "innovation")
 
 
 def test_an_exclusion_shows_what_failed(found: dict[str, Any]) -> None:
@@ -363,7 +363,7 @@ def test_the_words_show_the_evidence(summary: Summary) -> None:
 
 
 def test_the_words_tell_what_was_excluded(summary: Summary) -> None:
-    assert re.search(r"03:00:10 to 03:00:20  G07 excluded: residual [\d.]+ > [\d.]+", explain(summary))
+    assert re.search(r"03:00:10 to 03:00:21  G07 excluded: innovation [\d.]+ > [\d.]+", explain(summary))
 
 
 def test_the_words_count_what_was_not_aligned(summary: Summary) -> None:

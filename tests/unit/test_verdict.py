@@ -73,9 +73,10 @@ def evidence(
     swapped: str = "",
     captured: Iterable[str] = (),
     fed: Iterable[str] = (),
+    displaced: bool = False,
 ) -> Evidence:
     repeats, names, hears, told = (np.isin(RECEIVERS, list(chosen)) for chosen in (repeating, named, captured, fed))
-    return Evidence(RECEIVERS, repeats, names, collapsed, hears, told, exclusions, enough_without_exclusion, swapped)
+    return Evidence(RECEIVERS, repeats, names, collapsed, hears, displaced, told, exclusions, enough_without_exclusion, swapped)
 
 
 def checks(**outcomes: Outcome) -> Checks:

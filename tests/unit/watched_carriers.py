@@ -14,6 +14,7 @@ from integrity.events import Event, RawBytes
 from integrity.gnss.ephemeris.store import EphemerisStore
 from integrity.gnss.observations import Floats
 from integrity.gnss.positioning import points_at
+from integrity.limits import NAMED_RATHER
 from integrity.sight import Sight, observe
 from integrity.thresholds import Promises
 from integrity.triangle import reference_triangle
@@ -33,7 +34,7 @@ class Shown(NamedTuple):
 
 def design_of(site: SiteConfig) -> CarrierDesign:
     thresholds = carrier_thresholds(Promises(site, reference_triangle(site)))
-    return carrier_design(site.epoch_interval_ns / 1e9, {threshold.name: threshold.value for threshold in thresholds})
+    return carrier_design(site.epoch_interval_ns / 1e9, {threshold.name: threshold.value for threshold in thresholds}, NAMED_RATHER)
 
 
 def sights_of(site: SiteConfig, events: Sequence[Event], cuts: Sequence[int] = ()) -> list[Sight]:

@@ -180,11 +180,9 @@ def _numbers(one: Heard) -> str:
     report, health = one.report, one.health
     if report.HasField("statistic") and report.HasField("threshold") and report.check:
         return f"{report.check} {report.statistic:.4g} > {report.threshold:.4g}"
-    if health.excluded_satellites:
-        return "; ".join(f"{x.check} {x.statistic:.4g} > {x.threshold:.4g}" for x in report.exclusions)
-    if health.state != pb.NORMAL and CAUSES[health.cause] is not Cause.NOT_READY:
+    if health.state != pb.NORMAL and report.verdict_state == pb.NORMAL and CAUSES[health.cause] is not Cause.NOT_READY:
         return "clean again: trust comes back slowly"
-    return ""
+    return "; ".join(f"{x.check} {x.statistic:.4g} > {x.threshold:.4g}" for x in report.exclusions)
 
 
 def _trusted(ridden: Iterable[Ridden]) -> Iterator[_Point]:
@@ -211,20 +209,33 @@ def _spells(points: Iterable[_Point], end_s: float) -> Iterator[Spell]:
 
 def _episodes(heard: Sequence[Heard], station: Sequence[Spell]) -> Iterator[Episode]:
     """Named from changes of the station's cause, of what it excludes, and of its silence."""
-    for (name, silent), some in groupby(station, lambda spell: _name(latest(heard, spell.from_s).health, spell.word)):
-        spells = list(some)
+    for (name, silent), some in groupby(_named(heard, station), lambda named: named[1:]):
+        spells = [spell for spell, *_ in some]
         if name:
             numbers = f"since {spells[0].from_s:.1f} s" if silent else spells[0].lines[1]
             yield Episode(spells[0].from_s, spells[-1].to_s, name, numbers)
 
 
-def _name(health: pb.Health, word: str) -> tuple[str, bool]:
-    """A short name, empty where all is well; and whether the station is silent."""
+def _named(heard: Sequence[Heard], station: Sequence[Spell]) -> Iterator[tuple[Spell, str, bool]]:
+    """Spells with their names. A satellite that is excluded is news until something else happens; that it stays out is none."""
+    before, news = frozenset[str](), frozenset[str]()
+    for spell in station:
+        health = latest(heard, spell.from_s).health
+        out = frozenset(health.excluded_satellites)
+        news, before = (out - before) | (out & news), out
+        name, silent = _name(health, spell.word, news)
+        if silent or CAUSES[health.cause] is not Cause.NONE:
+            news = frozenset()
+        yield spell, name, silent
+
+
+def _name(health: pb.Health, word: str, news: frozenset[str]) -> tuple[str, bool]:
+    """A short name, empty where all is well or nothing is new; and whether the station is silent."""
     if word in (SILENT, DEAD):
         return word.lower(), True
     match CAUSES[health.cause]:
         case Cause.NONE:
-            return " ".join(f"{satellite} excluded" for satellite in health.excluded_satellites), False
+            return " ".join(f"{satellite} excluded" for satellite in sorted(news)), False
         case Cause.NOT_READY:
             return "starting", False
         case Cause.RECEIVER | Cause.SATELLITE as cause:

@@ -102,18 +102,22 @@ def _fault(phase: Phase, records: Records, contract: Contract, back: bool) -> Ro
 
 
 def _satellite(phase: Phase, records: Records, contract: Contract, back: bool) -> Row:
-    """Named, excluded, and nobody stops."""
-    seen = stretch(phase, records)
+    """Named, excluded, and nobody stops. It stays out: what stepped back is no more to be believed than what stepped."""
+    seen, whom = stretch(phase, records), ", ".join(phase.excluded)
+    end_ns = records.gps_ns(phase.end_s)
+    later = [h for h in records.health if h.gps_time_ns is not None and h.gps_time_ns >= end_ns]
+    with_it = sum(not set(phase.excluded) <= set(h.excluded) for h in later)
     off_m = rms([p.error_m for p in seen.positions if p.status is Status.VALID and p.error_m is not None])
     unmet = [
         *_health_unlike(phase, seen),
         *_goes_on(seen),
         *_unless(off_m <= RMS_M, f"VALID positions are {off_m:.2f} m off (rms)"),
+        *_unless(with_it == 0, f"{whom} is back in {with_it} later epochs"),
     ]
     return Row(
         phase.name,
-        f"{_said(phase)}; the train goes on, rms <= {RMS_M:g} m",
-        f"{len(seen.health)} of {seen.epochs} epochs; {seen.valid} VALID, rms {off_m:.2f} m",
+        f"{_said(phase)}; the train goes on, rms <= {RMS_M:g} m; {whom} stays out until the end",
+        f"{len(seen.health)} of {seen.epochs} epochs; {seen.valid} VALID, rms {off_m:.2f} m; in {with_it} of {len(later)} later epochs it was back",
         tuple(unmet),
     )
 
@@ -131,7 +135,7 @@ def _forged(phase: Phase, records: Records, contract: Contract, back: bool) -> R
     ]
     return Row(
         phase.name,
-        f"NORMAL in every epoch; about {deeds.attacks} messages refused, the train goes on",
+        f"{_said(phase)}; about {deeds.attacks} messages refused, the train goes on",
         f"{len(seen.health)} of {seen.epochs} epochs; {grown} refused, {seen.valid} VALID",
         tuple(unmet),
     )

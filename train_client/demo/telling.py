@@ -1,7 +1,7 @@
 """The story as it is told: a line per change, with the triangle's numbers and the train's position and error."""
 
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from typing import NamedTuple
 
 from integrity.messages import wayside_pb2 as pb
@@ -52,7 +52,7 @@ class Teller:
         self._watch = watch
         self._health = 0  # how many have been looked at
         self._positions = 0
-        self._said: object = None
+        self._said: tuple[State, Cause, tuple[str, ...], tuple[str, ...]] | None = None
         self._trust: TrustState | None = None
 
     def lines(self, now_ns: int) -> list[Line]:
@@ -69,7 +69,8 @@ class Teller:
                 report = self._watch.reports.get(health.gps_time_ns or 0)
                 if report is None and now_ns - health.arrived_ns < REPORT_WITHIN_NS:
                     return
-                yield Line(self._watch.story_s(health.arrived_ns), "station", station_words(health, report))
+                known = self._said[3] if self._said else ()
+                yield Line(self._watch.story_s(health.arrived_ns), "station", station_words(health, report, known))
             self._said = said
             self._health += 1
 
@@ -84,18 +85,22 @@ class Teller:
             self._positions += 1
 
 
-def station_words(health: HealthSeen, report: pb.EpochReport | None) -> str:
-    """State, cause, subjects; and the numbers of the epoch if its report came."""
+def station_words(health: HealthSeen, report: pb.EpochReport | None, known: Sequence[str]) -> str:
+    """State, cause, subjects; and the numbers of the epoch if its report came. Satellites `known` to be out are only named."""
     if health.state is State.NORMAL and not health.excluded:
         return f"{health.state}"
-    parts = []
+    parts: list[str] = []
+    told: set[str] = set()
     if health.cause is not Cause.NONE:
         parts.append(WORDS[health.cause] + (f" ({', '.join(health.subjects)})" if health.subjects else ""))
     if report is not None:
+        new = [x for x in report.exclusions if x.satellite not in known]
         parts += [*_vertices(health, report), *_check(report)]
-        parts += [f"{x.satellite} excluded: {x.check} {x.statistic:.4g} > {x.threshold:.4g}" for x in report.exclusions]
-    elif health.excluded:
-        parts.append(f"without {', '.join(health.excluded)}")
+        parts += [f"{x.satellite} excluded: {x.check} {x.statistic:.4g} > {x.threshold:.4g}" for x in new]
+        told = {x.satellite for x in new}
+    without = [satellite for satellite in health.excluded if satellite not in told]
+    if without:
+        parts.append(f"without {', '.join(without)}")
     return f"{health.state:<17}  {'; '.join(parts)}"
 
 

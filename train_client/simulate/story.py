@@ -35,7 +35,8 @@ class Phase:
     """A stretch of the story, in seconds from the first epoch: what happens from `start_s` to before `end_s`, and what the station says.
 
     `kind`: a kind of `[[fault]]` with its other keys in `fault`, or something that befalls the station while all receivers are sound. A
-    satellite that is not named is the one with the strongest signals then. `cause`, `subjects`, `excluded`: of the health of every epoch.
+    satellite that is not named is the one with the strongest signals then. `cause`, `subjects`, `excluded`: of the health of every epoch; in
+    a story that was told, `excluded` also names those that an earlier phase made the station exclude.
     """
 
     name: str
@@ -93,7 +94,7 @@ def tell(
         observed(train, start_ns, duration_s, rate_hz, seed, TRAIN_ERRORS),
     )
     first_ns = sound[0].mono_ns
-    told = tuple(_with_satellite(phase, sound, first_ns) for phase in phases if phase.start_s < duration_s)
+    told = _with_those_out([_with_satellite(phase, sound, first_ns) for phase in phases if phase.start_s < duration_s])
     everybody = _with_train(site, train, first_ns)
     faulty = inject(sound, _faults(told, first_ns, everybody), everybody, seed)
     return Story(told, as_bytes(faulty, (*ground, *train)))
@@ -124,6 +125,16 @@ def _with_satellite(phase: Phase, events: Sequence[Event], first_ns: int) -> Pha
             strength.update(dict(zip(map(satellite_of, event.row.signals), event.row.cn0_dbhz.tolist(), strict=True)))
     satellite = max(sorted(strength), key=strength.__getitem__)
     return replace(phase, fault={**phase.fault, "satellite": satellite}, excluded=(satellite,))
+
+
+def _with_those_out(phases: Sequence[Phase]) -> tuple[Phase, ...]:
+    """Whom a phase excludes, the later ones exclude too: a satellite whose carrier stepped comes back after an hour, which no story lasts."""
+    found: list[Phase] = []
+    out: set[str] = set()
+    for phase in phases:
+        out |= set(phase.excluded)
+        found.append(replace(phase, excluded=tuple(sorted(out))))
+    return tuple(found)
 
 
 def _faults(phases: Sequence[Phase], first_ns: int, site: SiteConfig) -> tuple[Fault, ...]:
