@@ -172,7 +172,7 @@ def _seen(sight: Sight, few: slice, jump_m: Floats | None) -> _Seen:
         _of(whole.in_view, few, columns),
         _of(whole.served_by, few, columns),
         _of(whole.ionosphere, few, columns),
-        whole.ionosphere_m if len(whole.ionosphere_m) == 1 else _of(whole.ionosphere_m, few, columns),
+        _of(whole.ionosphere_m, few, columns),
         sky.system_of if columns is None else sky.system_of[columns],
         jumps_m if jumps_m is not None and jumps_m.any() else None,
         channel,
@@ -239,8 +239,9 @@ def _sets_at(sets: Ephemerides, index: Ints) -> tuple[Ephemeris | None, ...]:
 
 
 def _of(values: Any, few: slice, columns: Ints | None) -> Any:
-    """Some epochs of an array (E, ..., S), and columns."""
-    return values[few] if columns is None else values[few].take(columns, axis=-1)
+    """Some epochs of an array (E, ..., S), and columns; where there is one of either, it is that of all."""
+    of_epochs = values if len(values) == 1 else values[few]
+    return of_epochs if columns is None or values.shape[-1] == 1 else of_epochs.take(columns, axis=-1)
 
 
 def _part(block: ObservationBlock, few: slice, columns: Ints | None) -> ObservationBlock:

@@ -50,6 +50,17 @@ class Exclusion:
     clean_since_ns: int | None = None
     clean_epochs: int = 0
 
+    @property
+    def fails_now(self) -> bool:
+        """Whether it was found at fault in this very epoch, or has not been seen since it was."""
+        return self.clean_epochs == 0
+
+    def is_acute(self, gps_ns: int, limits: Limits) -> bool:
+        """Whether it has not been clean for as long as whatever fails must be. It may have to stay out longer."""
+        if self.clean_since_ns is None or self.clean_epochs < limits.recover_epochs:
+            return True
+        return gps_ns - self.clean_since_ns < limits.recover_after_ns
+
 
 Table = Mapping[str, Exclusion]
 AT_A_TIME = 64  # epochs that are looked at together while a satellite is out

@@ -224,16 +224,17 @@ class StationMonitor:
             self._due = None
 
     def _verdict(self, decided: Decided, e: int, exclusions: tuple[Exclusion, ...]) -> Verdict:
-        last = self._last_clean
+        last, gps_ns, policy = self._last_clean, int(decided.sight.block.epoch_ns[e]), self.site.integrity.on_satellite_fault
         if decided.clean[e]:
-            self._last_clean = LastClean(int(decided.sight.block.epoch_ns[e]), decided.full.solution.e_enu_m[e])
-            if not exclusions and not self._silent:
+            self._last_clean = LastClean(gps_ns, decided.full.solution.e_enu_m[e])
+            stops = policy == "stop" and any(x.is_acute(gps_ns, self.limits) for x in exclusions)
+            if not stops and not self._silent:
                 return CLEAN
         if self._silent:
             why = f"self test: {', '.join(self._silent)} missed a fault put into a copy of the epoch"
             return Verdict(State.NOT_CONFIRMABLE, Cause.SELF_TEST, reasons=(why,))
         evidence = evidence_of(decided, e, exclusions, last, self.place)
-        return full_verdict(decided.full.checks, e, evidence, self.site.integrity.on_satellite_fault)
+        return full_verdict(decided.full.checks, e, evidence, policy)
 
     def _interruption(self, interrupted: Interruption) -> list[Output]:
         reasons = (interrupted.why, *remarks(interrupted.statuses, self.triangle))

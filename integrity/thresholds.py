@@ -353,7 +353,15 @@ def of_reception(of: Promises) -> list[Threshold]:
         Threshold("loss", 0.5, "of satellites", False, 0.0, None, "", loss, "own choice"),
         Threshold("host_time", HOST_TIME_S, "s", False, 0.0, HOST_TIME_S + 1.0, "s of GNSS time", host, "own choice"),
         Threshold(
-            "told", 1.0, "satellites", False, 0.0, None, "", "one receiver told otherwise than all others", "own choice: one may be damage"
+            "told",
+            1.0,
+            "satellites",
+            False,
+            0.0,
+            None,
+            "",
+            "satellites of which one receiver is told otherwise",
+            "own choice: one may be damage",
         ),
     ]
 

@@ -61,6 +61,7 @@ class Evidence(NamedTuple):
     displaced: bool  # all ranges, or all carriers, are those of a triangle that is dragged away
     fed: Bools  # (R,) receivers that were told of several satellites otherwise than the others
     exclusions: tuple[Exclusion, ...]
+    acute: bool  # some of them have not been clean for as long as whatever fails must be
     enough_without_exclusion: bool  # the common set would be large enough with the excluded satellites
     swapped: str  # a permutation of the surveyed points that fits what was solved, in words
 
@@ -111,13 +112,13 @@ def full_verdict(checks: Checks, e: int, evidence: Evidence, policy: SatelliteFa
     """The verdict of all monitors for epoch e."""
     outcome = {n: Outcome(int(o)) for n, o in zip(checks.names, checks.outcome[e], strict=True)}
     bad = {n for n, o in outcome.items() if o >= Outcome.UNKNOWN}
-    if not bad and not (evidence.exclusions and policy == "stop"):
+    if not bad and not (evidence.acute and policy == "stop"):
         return CLEAN
     cause, subjects, leading = cause_of(outcome, bad, evidence)
     verdict = _verdict(checks, e, cause, subjects, leading, (evidence.swapped,) if evidence.swapped else ())
     if cause not in (Cause.SATELLITE, Cause.CONSTELLATION):
         return verdict
-    first = evidence.exclusions[0]
+    first = next((x for x in evidence.exclusions if x.fails_now), evidence.exclusions[0])
     return replace(verdict, check=first.check, statistic=first.statistic, threshold=first.threshold)
 
 
@@ -149,11 +150,12 @@ def cause_of(outcome: Mapping[str, Outcome], bad: set[str], evidence: Evidence) 
     dragged = tuple(n for n in OF_SATELLITES if outcome[n] == Outcome.FAIL)
     if shape_holds and dragged and evidence.displaced:
         return Cause.SPOOFING, (), dragged
-    if evidence.exclusions and bad <= set(circles):  # without it all fits, or the sky left is too weak
-        systems = {x.satellite[0] for x in evidence.exclusions if x.check == "constellation"}
+    to_blame = tuple(x for x in evidence.exclusions if x.fails_now) if bad else evidence.exclusions
+    if to_blame and bad <= set(circles):  # without it all fits, or the sky left is too weak
+        systems = {x.satellite[0] for x in to_blame if x.check == "constellation"}
         if systems:
             return Cause.CONSTELLATION, tuple(name for letter, name in SYSTEM_NAMES.items() if letter in systems), ("constellation",)
-        return Cause.SATELLITE, _satellites(evidence.exclusions), ("residual",)
+        return Cause.SATELLITE, _satellites(to_blame), ("residual",)
     if evidence.named.any():
         return Cause.RECEIVER, _chosen(evidence.receivers, evidence.named), ("shape", "shape_3d", *circles, "b_value", "slow")
     if outcome["host_time"] == Outcome.FAIL:

@@ -4,6 +4,7 @@ from collections import Counter
 from collections.abc import Sequence
 
 from integrity.gnss.gps_time import format_utc
+from integrity.outputs import EpochReport
 from integrity.states import Cause, State
 from recordings.summary import Summary, episodes, exclusions, receivers
 
@@ -48,7 +49,7 @@ def explain(summary: Summary) -> str:
         lines.append("")
         lines += [
             f"  {_clock(x['start'])} to {_clock(x['end'])}  {x['satellite']} excluded: "
-            f"{x['check']} {x['statistic']:.4g} > {x['threshold']:.4g}"
+            f"{x['check']} {x['statistic']:.4g} > {x['threshold']:.4g}" + "; still out" * _still_out(x, reports[-1])
             for x in listed
         ]
     lines += ["", f"  {'published':<16}" + _counts(states), f"  {'triangle alone':<16}" + _counts(alone), ""]
@@ -70,6 +71,11 @@ def _why(episode: dict[str, object]) -> str:
     if episode["statistic"] is None:
         return f"{WORDS[cause]}{who}"
     return f"{WORDS[cause]}{who}; {episode['check']} {episode['statistic']:.4g} > {episode['threshold']:.4g}"
+
+
+def _still_out(exclusion: dict[str, object], last: EpochReport) -> bool:
+    """Whether a stay on the exclusion list goes on after the last epoch."""
+    return exclusion["satellite"] in last.excluded and exclusion["end"] == format_utc(last.gps_time_ns)
 
 
 def changed(state: State, cause: Cause, subjects: Sequence[str], reasons: Sequence[str]) -> str:

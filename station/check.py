@@ -123,11 +123,16 @@ def _facts_lines(facts: SiteFacts, ok: bool) -> list[str]:
 def _threshold_lines(thresholds: tuple[Threshold, ...]) -> list[str]:
     rows = [("check", "required", "threshold", "false alarm", "smallest fault caught", "what it watches")]
     for t in thresholds:
-        fault = "-" if t.smallest_fault is None else f"{t.smallest_fault:.2f} {t.fault_unit}"
+        fault = "-" if t.smallest_fault is None else f"{_plain(t.smallest_fault)} {t.fault_unit}"
         false_alarm = f"{t.false_alarm_probability:.1e}" if t.false_alarm_probability > 0 else "-"
-        rows.append((t.name, "yes" if t.required else "no", f"{t.value:.2f} {t.unit}", false_alarm, fault, t.reason))
+        rows.append((t.name, "yes" if t.required else "no", f"{_plain(t.value)} {t.unit}", false_alarm, fault, t.reason))
     widths = [max(len(row[column]) for row in rows) for column in range(len(rows[0]))]
     return ["  ".join(cell.ljust(width) for cell, width in zip(row, widths, strict=True)).rstrip() for row in rows]
+
+
+def _plain(value: float) -> str:
+    """Two decimals; of what is small two digits: faults of m/s2 are not zero."""
+    return f"{value:.2f}" if value == 0.0 or abs(value) >= 0.1 else f"{value:.2g}"
 
 
 def as_json(report: CheckReport) -> dict[str, Any]:

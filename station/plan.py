@@ -11,8 +11,7 @@ from typing import Any
 
 from integrity.config import SiteConfig
 from integrity.limits import derive
-from integrity.probability import gauss_quantile
-from integrity.thresholds import collapse_separation
+from integrity.thresholds import Promises, collapse_separation
 from integrity.triangle import ReferenceTriangle, reference_triangle
 from recordings.site_checks import COLLAPSE_SIGMAS, LONG_SIDE_M, PAIR_SIGMAS
 from recordings.site_file import examine_site
@@ -23,7 +22,7 @@ MISSED_DETECTION = (1e-3, 1e-5, 1e-7)
 # Nearer antennas share multipath, as reference antennas of GBAS do: the order of 100 m between those is from knowledge of their siting, not
 # re-opened; that it should be so here is this project's own choice.
 INDEPENDENT_M = 100.0
-AMPLE = 1000.0  # sigmas: to at least these a triangle is scaled so that its thresholds can be derived, whatever its size: none depends on it
+AMPLE = 1000.0  # sigmas: a smaller triangle is scaled to these so that its thresholds can be derived: none depends on its size
 
 
 @dataclass(frozen=True)
@@ -56,7 +55,10 @@ class Side:
 
 @dataclass(frozen=True)
 class SitePlan:
-    """Of a site file: `promised` is what it states, `promises` all that is considered; `changes` what would keep the tolerance wanted."""
+    """Of a site file: `promised` is what it states, `promises` all that is considered; `changes` what would keep the tolerance wanted.
+
+    `false_exclusions_per_year` is what the file states: `by_exclusions` are the columns of the table that go by it, not by the stops.
+    """
 
     file: str
     site: str
@@ -64,6 +66,8 @@ class SitePlan:
     separation: float
     sides: tuple[Side, ...]
     wanted_m: float | None
+    false_exclusions_per_year: float
+    by_exclusions: tuple[str, ...]
     promised: Promise
     promises: tuple[Promise, ...]
     changes: tuple[str, ...]
@@ -87,6 +91,8 @@ def plan_site(path: Path) -> SitePlan:
         separation=collapse_separation(config, triangle),
         sides=tuple(_side(f"{a}-{b}", m, stated.sigma_differential_m) for (a, b), m in triangle.sides_m.items()),
         wanted_m=stated.tolerance_m,
+        false_exclusions_per_year=stated.false_exclusions_per_year,
+        by_exclusions=("one range",) if stated.on_satellite_fault == "stop" else ("satellite", "one range"),
         promised=promised,
         promises=promises,
         changes=_changes(config, triangle, promised, promises),
@@ -98,7 +104,8 @@ def promise(config: SiteConfig, triangle: ReferenceTriangle, false_stops_per_yea
     stated = config.integrity
     promises = replace(stated, false_stops_per_year=false_stops_per_year, missed_detection=missed_detection, tolerance_m=None)
     separation = collapse_separation(config, triangle)
-    limits = derive(replace(config, integrity=promises), _ample(triangle, separation))
+    of = Promises(replace(config, integrity=promises), _ample(triangle, separation))
+    limits = derive(of.site, of.triangle)
 
     def caught(check: str) -> float:
         smallest = limits.by_name[check].smallest_fault
@@ -106,7 +113,7 @@ def promise(config: SiteConfig, triangle: ReferenceTriangle, false_stops_per_yea
         return smallest
 
     needed = max(caught("collapse"), COLLAPSE_SIGMAS)  # `check` asks for the second, whatever is promised
-    least_m = limits.radius_m + gauss_quantile(missed_detection) * _total_sigma_m(config)  # both sides of a radius: section 2.1
+    least_m = limits.radius_m + of.k_md * hypot(stated.sigma_common_m, stated.sigma_differential_m)  # both sides of a radius: section 2.1
     broken = []
     if separation < needed:
         broken.append(f"collapse needs {needed:.1f} sigma, the triangle has {separation:.1f}")
@@ -130,10 +137,6 @@ def promise(config: SiteConfig, triangle: ReferenceTriangle, false_stops_per_yea
 def _ample(triangle: ReferenceTriangle, separation: float) -> ReferenceTriangle:
     """The triangle that no check is too small for; scaled by a power of two, which changes no bit of what follows from its form."""
     return replace(triangle, baseline_enu_m=triangle.baseline_enu_m * 2.0 ** max(ceil(log2(AMPLE / max(separation, 1e-3))), 0))
-
-
-def _total_sigma_m(config: SiteConfig) -> float:
-    return hypot(config.integrity.sigma_common_m, config.integrity.sigma_differential_m)
 
 
 def _side(ends: str, length_m: float, sigma_differential_m: float) -> Side:
@@ -231,7 +234,8 @@ def _table(plan: SitePlan) -> list[str]:
         rows.append((*numbers, f"{of.separation:.1f}", verdict + own))
     widths = [max(len(row[column]) for row in rows) for column in range(len(rows[0]) - 1)]
     head = "promises, and what follows: radius of the circles, tolerance that the line needs, smallest faults caught in one epoch"
-    return [head, *("  ".join([*(c.rjust(w) for c, w in zip(row, widths, strict=False)), row[-1]]).rstrip() for row in rows)]
+    exclusions = f"{' and '.join(plan.by_exclusions)}: by {plan.false_exclusions_per_year:g} false exclusions a year, as the file promises"
+    return [head, exclusions, *("  ".join([*(c.rjust(w) for c, w in zip(row, widths, strict=False)), row[-1]]).rstrip() for row in rows)]
 
 
 def as_json(plan: SitePlan) -> dict[str, Any]:

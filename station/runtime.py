@@ -27,12 +27,13 @@ from integrity.outputs import Alert, EpochReport, HealthReport
 from integrity.station_monitor import Snapshot, StationMonitor
 from recordings.explain import changed
 from recordings.keys import load_key
-from recordings.link import open_link
+from recordings.link import Access, open_link
 from recordings.recorder import Recorder, check_directory
 from recordings.site_file import SiteFile
 from recordings.sources.host_clock import mono_now_ns, tick
 from recordings.sources.inbox import Inbox
 from recordings.sources.listener import listener_of
+from recordings.tls_files import check_tls, files_of
 from station.notify import notify
 from station.publisher import Publisher
 from station.recording import manner_of
@@ -57,12 +58,15 @@ def run_station(site: SiteFile, say: Say) -> int:
     folder = Path(site.file).parent  # relative paths of a site file count from where it lies
     sources = {name: url for name, url in site.sources.items() if url is not None}
     key = load_key(folder / site.publish.key)
+    tls = files_of(site.tls, folder)
+    check_tls(tls)
+    access = Access(site.config.site_id, site.publish.readers) if tls else None  # without certificates nobody can be told from another
     directory = folder / site.record.directory
     check_directory(directory)
     boot_id = os.urandom(16)
     monitor = StationMonitor(site.config)
     inbox = Inbox[RawBytes]()
-    with open_link(site.publish.listen, site.publish.connect) as link:
+    with open_link(site.publish.listen, site.publish.connect, tls, access) as link:
         publisher = Publisher(link, site.config, key, boot_id, SOFTWARE)
         recorder = Recorder(directory, manner_of(site, boot_id), say)
         listeners = [listener_of(name, url, folder, inbox, site.config.epoch_interval_ns, say) for name, url in sources.items()]

@@ -73,6 +73,14 @@ EVERY = set(SATELLITES)
 OUT: Table = {"G03": Exclusion("G03", 0, "residual", 20.0, 5.9)}
 
 
+@pytest.mark.parametrize(("clean_s", "epochs", "acute"), [(None, 0, True), (3, 3, True), (4, 2, True), (4, 3, False), (900, 900, False)])
+def test_what_is_out_is_acute_until_it_has_been_clean_for_as_long_as_anything_must_be(
+    clean_s: int | None, epochs: int, acute: bool
+) -> None:
+    since_ns = None if clean_s is None else (1000 - clean_s) * NS_PER_S
+    assert Exclusion("G03", 0, "step", 20.0, 6.6, since_ns, epochs).is_acute(1000 * NS_PER_S, LIMITS) is acute
+
+
 # ---- IN
 
 

@@ -1,16 +1,34 @@
 """The whole core on simulated faults, under both rules: each is decided in its first epoch, and what is none stops nothing."""
 
 from dataclasses import replace
+from functools import cache
 
 import numpy as np
 import pytest
 
 from integrity.config import SiteConfig
 from integrity.events import ObservationsReceived
+from integrity.gnss.constants import SPEED_OF_LIGHT_MPS
 from integrity.gnss.observations import ObservationRow
+from integrity.gnss.signals import L1_HZ
+from integrity.outputs import Output
 from integrity.states import Cause, State
 from tests.unit.monitored import FAULT_S, SECONDS, SOUND, decided, first_fault, frozen, range_fault, states, used_satellites
-from tests.unit.streams import SITE, epoch_of, health, moved, reports, rows_changed, stream, with_more, with_signals, with_values
+from tests.unit.streams import (
+    RECOVER_AFTER_S,
+    SITE,
+    epoch_of,
+    health,
+    moved,
+    reports,
+    rows_changed,
+    stream,
+    with_more,
+    with_signals,
+    with_values,
+)
+
+L1_WAVELENGTH_M = SPEED_OF_LIGHT_MPS / L1_HZ
 
 
 def named(site: SiteConfig, **changes: object) -> SiteConfig:
@@ -30,6 +48,32 @@ def test_a_satellite_step_leaves_normal_where_the_site_excludes() -> None:
     site = named(SITE, on_satellite_fault="exclude")
     outputs = decided(range_fault(stream(SECONDS), "ABC", 60.0, used_satellites()[0]), site)
     assert (states(outputs)[-1], health(outputs)[-1].excluded) == (State.NORMAL, (used_satellites()[0],))
+
+
+@cache
+def stepped() -> tuple[Output, ...]:
+    """Under "stop", a satellite steps by 60 m, on code and carrier, and back 5 s later."""
+    satellite = used_satellites()[0]
+
+    def change(row: ObservationRow) -> ObservationRow:
+        if not FAULT_S <= epoch_of(row) < FAULT_S + 5:
+            return row
+        columns = [i for i, s in enumerate(row.signals) if s.startswith(satellite)]
+        return with_more(with_more(row, "pseudorange_m", 60.0, columns), "carrier_cycles", 60.0 / L1_WAVELENGTH_M, columns)
+
+    return tuple(decided(rows_changed(stream(float(FAULT_S + 30)), change)))
+
+
+def test_a_satellite_whose_carrier_stepped_is_out_by_its_step_and_stays_out() -> None:
+    last = reports(stepped())[-1]
+    assert [(x.satellite, x.check) for x in last.exclusions] == [(used_satellites()[0], "step")]
+
+
+def test_the_line_stops_no_longer_for_it_than_for_other_faults() -> None:
+    """Clean from the second after it stepped back, for `recover_after_s`, and as long again until the state goes up."""
+    said = states(stepped())
+    assert set(said[FAULT_S : FAULT_S + 6]) == {State.SATELLITE_ANOMALY}
+    assert said.index(State.NORMAL, FAULT_S) == FAULT_S + 6 + 2 * int(RECOVER_AFTER_S)
 
 
 def test_an_excluded_satellite_is_not_monitored() -> None:

@@ -2,6 +2,7 @@
 
 import json
 from functools import cache
+from itertools import product
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
@@ -13,7 +14,7 @@ from recordings.site_file import parse_site
 from recordings.toml_file import ConfigProblems
 from station.check import check_site
 from station.plan import FALSE_STOPS_PER_YEAR, MISSED_DETECTION, SitePlan, as_json, plan_site, render
-from tests.unit.sites import SITE, edited
+from tests.unit.sites import edited
 
 REFUSED = ("tolerance_m = 20.0", "tolerance_m = 12.0")
 NO_TOLERANCE = ("tolerance_m = 20.0\n", "")
@@ -32,14 +33,30 @@ def planned(*edits: tuple[str, str]) -> SitePlan:
         return plan_site(written(Path(folder), *edits))
 
 
-def test_what_the_file_promises_is_what_a_station_derives() -> None:
-    site = parse_site(SITE, "site.toml").config
-    limits, promised = derive(site, reference_triangle(site)), planned().promised
-    assert (promised.radius_m, promised.shape_m, promised.residual_m) == (
+@pytest.mark.parametrize("policy", ["stop", "exclude"])
+def test_what_the_file_promises_is_what_a_station_derives(policy: str) -> None:
+    edit = ('on_satellite_fault = "stop"', f'on_satellite_fault = "{policy}"')
+    site = parse_site(edited(edit), "site.toml").config
+    limits, promised = derive(site, reference_triangle(site)), planned(edit).promised
+    checks = ("circle_A", "shape", "common", "residual", "b_value")
+    assert (promised.radius_m, promised.circle_m, promised.shape_m, promised.common_m, promised.residual_m, promised.b_value_m) == (
         limits.radius_m,
-        limits.by_name["shape"].smallest_fault,
-        limits.by_name["residual"].smallest_fault,
+        *(limits.by_name[check].smallest_fault for check in checks),
     )
+
+
+@pytest.mark.parametrize(("policy", "by_exclusions"), [("stop", {"b_value_m"}), ("exclude", {"b_value_m", "residual_m"})])
+def test_what_goes_by_false_exclusions_does_not_depend_on_stops(policy: str, by_exclusions: set[str]) -> None:
+    plan = planned(('on_satellite_fault = "stop"', f'on_satellite_fault = "{policy}"'))
+    few, many = (p for p in plan.promises if p.missed_detection == 1e-5 and p.false_stops_per_year in (1.0, 10.0))
+    columns = ("circle_m", "shape_m", "common_m", "residual_m", "b_value_m")
+    assert {column for column in columns if getattr(few, column) == getattr(many, column)} == by_exclusions
+
+
+@pytest.mark.parametrize(("policy", "columns"), [("stop", "one range: by 1 "), ("exclude", "satellite and one range: by 1 ")])
+def test_the_table_says_what_goes_by_false_exclusions(policy: str, columns: str) -> None:
+    text = render(planned(('on_satellite_fault = "stop"', f'on_satellite_fault = "{policy}"')))
+    assert f"\n{columns}false exclusions a year, as the file promises\n" in text
 
 
 def test_every_pair_of_promises_is_there() -> None:
@@ -110,8 +127,17 @@ def test_the_advice_for_the_collapse_test_makes_the_check_accept(tmp_path: Path)
     assert check_site(path).ok
 
 
-def test_promises_that_the_site_keeps_are_told() -> None:
-    assert planned(REFUSED).changes[-1].startswith("promises that this site keeps: 10 stops a year with 0.001 missed")
+def test_the_promises_told_as_kept_are_those_that_the_check_accepts(tmp_path: Path) -> None:
+    kept = []
+    for stops, missed in product(FALSE_STOPS_PER_YEAR, MISSED_DETECTION):
+        promises = (
+            ("false_stops_per_year = 1.0", f"false_stops_per_year = {stops}"),
+            ("missed_detection = 1e-5", f"missed_detection = {missed}"),
+        )
+        if check_site(written(tmp_path, REFUSED, *promises)).ok:
+            kept.append(f"{stops:g} stops a year with {missed:g} missed")
+    assert 0 < len(kept) < 12, "the edit of the test tells nothing apart"
+    assert planned(REFUSED).changes[-1] == f"promises that this site keeps: {', '.join(kept)}"
 
 
 def test_short_sides_are_told() -> None:

@@ -366,6 +366,17 @@ def test_the_words_tell_what_was_excluded(summary: Summary) -> None:
     assert re.search(r"03:00:10 to 03:00:21  G07 excluded: innovation [\d.]+ > [\d.]+", explain(summary))
 
 
+def test_the_words_tell_what_stays_excluded() -> None:
+    assert re.search(
+        r"03:00:10 to 03:00:12  G07 excluded: innovation .*; still out\n", explain(summary_of(EVENTS, None, START_NS + 13 * NS_PER_S))
+    )
+
+
+def test_what_comes_back_in_the_last_epoch_is_not_still_out() -> None:
+    text = explain(summary_of(EVENTS, None, START_NS + 22 * NS_PER_S))
+    assert ("03:00:10 to 03:00:21  G07 excluded" in text, "still out" in text) == (True, False)
+
+
 def test_the_words_count_what_was_not_aligned(summary: Summary) -> None:
     assert "receiver A: solved 55 of 55; " in explain(summary)
     assert "; 3 not aligned or unreadable" in explain(summary)

@@ -17,6 +17,7 @@ NAMES = tuple(t.name for t in LIMITS.thresholds)
 THRESHOLD = {t.name: t.value for t in LIMITS.thresholds}
 RECEIVERS = ("A", "B", "C")
 PASS, NOT_MONITORED, UNKNOWN, FAIL = Outcome.PASS, Outcome.NOT_MONITORED, Outcome.UNKNOWN, Outcome.FAIL
+G21_NOW = Exclusion("G21", 50, "residual", 14.1, 5.6)
 G17 = Exclusion("G17", 0, "residual", 14.1, 5.6)
 
 
@@ -70,13 +71,26 @@ def evidence(
     collapsed: bool = False,
     exclusions: tuple[Exclusion, ...] = (),
     enough_without_exclusion: bool = False,
+    acute: bool | None = None,
     swapped: str = "",
     captured: Iterable[str] = (),
     fed: Iterable[str] = (),
     displaced: bool = False,
 ) -> Evidence:
     repeats, names, hears, told = (np.isin(RECEIVERS, list(chosen)) for chosen in (repeating, named, captured, fed))
-    return Evidence(RECEIVERS, repeats, names, collapsed, hears, displaced, told, exclusions, enough_without_exclusion, swapped)
+    return Evidence(
+        RECEIVERS,
+        repeats,
+        names,
+        collapsed,
+        hears,
+        displaced,
+        told,
+        exclusions,
+        bool(exclusions) if acute is None else acute,
+        enough_without_exclusion,
+        swapped,
+    )
 
 
 def checks(**outcomes: Outcome) -> Checks:
@@ -287,6 +301,23 @@ def test_clean_epochs_are_those_without_a_verdict(name: str, outcome: Outcome) -
 def test_clean_epochs_of_the_triangle_are_those_without_a_verdict_of_it(name: str, outcome: Outcome) -> None:
     found = checks(**{name: outcome})
     assert clean_epochs(found, "triangle").tolist() == [triangle_verdict(found, 0) == CLEAN]
+
+
+LONG_CLEAN = Exclusion("G17", 0, "step", 2000.0, 6.6, clean_since_ns=10, clean_epochs=900)
+
+
+def test_a_satellite_that_has_long_been_clean_stops_nothing_more() -> None:
+    assert verdict(evidence(exclusions=(LONG_CLEAN,), acute=False)) == CLEAN
+
+
+@pytest.mark.parametrize("policy", ["stop", "exclude"])
+def test_a_satellite_that_has_long_been_clean_is_not_blamed_for_a_circle(policy: SatelliteFaultPolicy) -> None:
+    assert verdict(evidence(exclusions=(LONG_CLEAN,), acute=False), policy, circle_A=FAIL).cause is Cause.AMBIGUOUS
+
+
+def test_one_that_fails_now_is() -> None:
+    said = verdict(evidence(exclusions=(LONG_CLEAN, G21_NOW)), circle_A=FAIL)
+    assert (said.cause, said.subjects, said.check) == (Cause.SATELLITE, ("G21",), "residual")
 
 
 def test_a_captured_pair_is_spoofing_of_these_two() -> None:

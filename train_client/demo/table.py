@@ -117,7 +117,7 @@ def _satellite(phase: Phase, records: Records, contract: Contract, back: bool) -
     return Row(
         phase.name,
         f"{_said(phase)}; the train goes on, rms <= {RMS_M:g} m; {whom} stays out until the end",
-        f"{len(seen.health)} of {seen.epochs} epochs; {seen.valid} VALID, rms {off_m:.2f} m; in {with_it} of {len(later)} later epochs it was back",
+        f"{len(seen.health)} of {seen.epochs} epochs; {seen.valid} VALID, rms {off_m:.2f} m; back in {with_it} of {len(later)} later",
         tuple(unmet),
     )
 

@@ -35,8 +35,8 @@ class Phase:
     """A stretch of the story, in seconds from the first epoch: what happens from `start_s` to before `end_s`, and what the station says.
 
     `kind`: a kind of `[[fault]]` with its other keys in `fault`, or something that befalls the station while all receivers are sound. A
-    satellite that is not named is the one with the strongest signals then. `cause`, `subjects`, `excluded`: of the health of every epoch; in
-    a story that was told, `excluded` also names those that an earlier phase made the station exclude.
+    satellite that is not named is the one with the strongest signals then. `cause`, `subjects`, `excluded`: of the health of every epoch;
+    once told, `excluded` also names those that an earlier phase made the station exclude.
     """
 
     name: str
@@ -128,7 +128,7 @@ def _with_satellite(phase: Phase, events: Sequence[Event], first_ns: int) -> Pha
 
 
 def _with_those_out(phases: Sequence[Phase]) -> tuple[Phase, ...]:
-    """Whom a phase excludes, the later ones exclude too: a satellite whose carrier stepped comes back after an hour, which no story lasts."""
+    """Whom one excludes, the later ones exclude too: a satellite whose carrier stepped comes back after an hour, which no story lasts."""
     found: list[Phase] = []
     out: set[str] = set()
     for phase in phases:
