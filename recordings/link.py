@@ -1,7 +1,9 @@
 """The link over Zenoh: the only file that knows it. Bytes and key expressions in and out, arrival times stamped, nothing found by itself.
 
 No multicast and no gossip: a process talks to the endpoints it was given and to those who dial it. A station is a peer, at which readers
-and routers may call; a reader is a client. Everything is put with congestion
+and routers may call; a reader is a client. At endpoints `tls/HOST:PORT` both ends show certificates of one authority, and a station lets
+in only the names that it was given, to read and ask and nothing else. (Zenoh believes the public authorities of the web too where it
+dials: who poses as a station by one of those can withhold, but signs nothing.) Everything is put with congestion
 control DROP: a reader that does not keep up never holds a station. Callbacks run in Zenoh's threads, one per subscription: they stamp
 and hand on. A process that ends without closing its session hangs, so a link is only to be had by `with`.
 """
@@ -19,7 +21,9 @@ import zenoh
 from zenoh import ext
 
 from integrity.errors import LinkError
-from recordings.site_schema import ENDPOINT_PATTERN
+from integrity.messages.key_expressions import ALERT, site_key
+from recordings.site_schema import ENDPOINT_PATTERN, is_secured
+from recordings.tls_files import TlsFiles
 
 LEASE_MS = 1000  # a peer that is silent for so long is gone; its death without a word shows at once over TCP
 RETRY_MS = (200, 1000)  # first and longest pause between attempts to connect
@@ -37,34 +41,45 @@ class Arrival(NamedTuple):
     error: str = ""
 
 
+class Access(NamedTuple):
+    """Who may read what a site says, and ask it: common names of certificates. Nobody else may anything."""
+
+    site: str
+    readers: tuple[str, ...]
+
+
 class QueryRefused(Exception):
     """Raised by the answerer of a query: its text goes back as an error."""
 
 
 @contextmanager
-def open_link(listen: Sequence[str], connect: Sequence[str]) -> Iterator["Link"]:
+def open_link(listen: Sequence[str], connect: Sequence[str], tls: TlsFiles | None = None, access: Access | None = None) -> Iterator["Link"]:
     """For one that speaks. It takes calls at `listen`; a router to be dialled that is not there is tried again and again, for ever.
 
-    Raises LinkError for an endpoint that makes no sense, and for one that cannot be listened at.
+    With `access` only its readers are served, whoever dialled; without it everybody is. Raises LinkError for an endpoint that makes no
+    sense, and for one that cannot be listened at.
     """
-    _check_endpoints((*listen, *connect))
-    session = _open(_config("peer", listen, connect), (*listen, *connect))
+    _check_endpoints((*listen, *connect), tls)
+    config = _config("peer", listen, connect, tls)
+    if access is not None:
+        config.insert_json5("access_control", json.dumps(_access_control(access)))
+    session = _open(config, (*listen, *connect))
     with session:
         yield Link(session)
 
 
 @contextmanager
-def dial_link(connect: Sequence[str], on_waiting: Callable[[], None]) -> Iterator["Link"]:
+def dial_link(connect: Sequence[str], on_waiting: Callable[[], None], tls: TlsFiles | None = None) -> Iterator["Link"]:
     """For one that listens to others: to the first of the endpoints that is there, and to it again whenever it was lost.
 
     It takes no calls. Until somebody is there it tries, for ever; `on_waiting` is called once, when the first attempt has failed.
     Raises LinkError for an endpoint that makes no sense.
     """
-    _check_endpoints(connect)
+    _check_endpoints(connect, tls)
     attempts = 0
     while True:
         try:
-            session = _open(_config("client", [], connect), connect)
+            session = _open(_config("client", [], connect, tls), connect)
             break
         except _NobodyThere:
             attempts += 1
@@ -73,6 +88,12 @@ def dial_link(connect: Sequence[str], on_waiting: Callable[[], None]) -> Iterato
         time.sleep(RETRY_MS[1] / 1000)
     with session:
         yield Link(session)
+
+
+def nobody_at(endpoints: Sequence[str]) -> str:
+    """What is to be said while a link is being dialled in vain. Zenoh does not tell a refusal from a wire that is cut."""
+    refused = ", or certificates are refused: the other end's log may say why" if any(map(is_secured, endpoints)) else ""
+    return f"nobody is at {', '.join(endpoints)}{refused}; it is tried again every second"
 
 
 class Link:
@@ -212,14 +233,16 @@ class _NobodyThere(LinkError):
     """None of the endpoints takes a call now."""
 
 
-def _check_endpoints(endpoints: Sequence[str]) -> None:
+def _check_endpoints(endpoints: Sequence[str], tls: TlsFiles | None) -> None:
     """Zenoh itself takes some that lead nowhere, such as a host without a port, and tries them for ever."""
     for endpoint in endpoints:
         if not re.fullmatch(ENDPOINT_PATTERN, endpoint):
             raise LinkError(f"endpoint {endpoint!r}: expected PROTOCOL/HOST:PORT, such as tcp/127.0.0.1:7447")
+        if is_secured(endpoint) and tls is None:
+            raise LinkError(f"endpoint {endpoint!r}: needs certificates: give them, or an endpoint such as tcp/127.0.0.1:7447")
 
 
-def _config(mode: str, listen: Sequence[str], connect: Sequence[str]) -> zenoh.Config:
+def _config(mode: str, listen: Sequence[str], connect: Sequence[str], tls: TlsFiles | None) -> zenoh.Config:
     """A router hands nothing from one peer to another, so that those who only read are clients (measured with 1.10.2)."""
     config = zenoh.Config()
     settings: dict[str, object] = {
@@ -234,9 +257,37 @@ def _config(mode: str, listen: Sequence[str], connect: Sequence[str]) -> zenoh.C
         "transport/link/tx/lease": LEASE_MS,
         "timestamping/enabled": True,
     }
+    if tls is not None:
+        settings["transport/link/tls"] = {
+            "root_ca_certificate": str(tls.root_ca),
+            "listen_certificate": str(tls.certificate),
+            "listen_private_key": str(tls.private_key),
+            "connect_certificate": str(tls.certificate),
+            "connect_private_key": str(tls.private_key),
+            "enable_mtls": True,
+            "verify_name_on_connect": True,
+            "close_link_on_expiration": True,
+        }
     for key, value in settings.items():
         config.insert_json5(key, json.dumps(value))
     return config
+
+
+def _access_control(access: Access) -> dict[str, object]:
+    """A rule for what comes in and one for what goes out. `**` does not reach what Zenoh keeps under `@adv`: lost and earlier alerts."""
+    places = [site_key(access.site, "**"), site_key(access.site, f"{ALERT}/@adv/**")]
+    asks = ["declare_subscriber", "query", "declare_liveliness_subscriber", "liveliness_query"]
+    told = ["put", "reply", "liveliness_token", "declare_queryable"]
+    return {
+        "enabled": True,
+        "default_permission": "deny",
+        "rules": [
+            {"id": "asks", "permission": "allow", "flows": ["ingress"], "messages": asks, "key_exprs": places},
+            {"id": "told", "permission": "allow", "flows": ["egress"], "messages": told, "key_exprs": places},
+        ],
+        "subjects": [{"id": "readers", "cert_common_names": list(access.readers)}] if access.readers else [],
+        "policies": [{"rules": ["asks", "told"], "subjects": ["readers"]}] if access.readers else [],
+    }
 
 
 def _open(config: zenoh.Config, endpoints: Sequence[str]) -> zenoh.Session:

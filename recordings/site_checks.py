@@ -4,6 +4,7 @@ Errors are what the collapse test and the circles cannot live with; warnings nam
 """
 
 import math
+import re
 from collections.abc import Iterator, Mapping
 from itertools import combinations
 
@@ -11,7 +12,7 @@ import numpy as np
 
 from integrity.config import SIGMAS_OF_PAIRS_M, SIGMAS_OF_SIGNALS_M, IntegrityConfig
 from integrity.gnss.frames import ecef_from_geodetic, geodetic_from_ecef
-from recordings.site_schema import ReceiverSection, SiteSection, source_problem
+from recordings.site_schema import PublishSection, ReceiverSection, SiteSection, TlsSection, is_secured, source_problem
 from recordings.toml_file import Problem, TomlDocument
 
 EcefPoint = tuple[float, float, float]
@@ -167,6 +168,33 @@ def site_warnings(document: TomlDocument, site: SiteSection) -> Iterator[Problem
         why = "there is no independent clock" if site.host_clock == "none" else "the clock follows the satellites that it should judge"
         message = f"time spoofing is not monitored: {why}; if the host's clock is kept by NTP or PTP, write host_clock = "
         yield document.problem(("site", "host_clock"), f'{message}"ntp" or "ptp"')
+
+
+def readers_without_tls(document: TomlDocument, publish: PublishSection) -> Iterator[Problem]:
+    """Names that nobody can show."""
+    if publish.readers:
+        message = "names are shown by certificates: add [publish.tls], and listen at tls/HOST:PORT"
+        yield document.problem(("publish", "readers"), message)
+
+
+def open_endpoints(document: TomlDocument, publish: PublishSection, tls: TlsSection | None) -> Iterator[Problem]:
+    """Warnings of who may come, and who may not: an endpoint that anybody can reach, or at which nobody is let in."""
+    at = ("publish", "listen")
+    for endpoint in publish.listen:
+        if tls is None and not is_secured(endpoint) and not is_local(endpoint):
+            message = f"{endpoint} is open: whoever reaches it may read, and put anything at any key (only what is signed counts);"
+            yield document.problem(at, f"{message} listen at tls/HOST:PORT with [publish.tls] and readers, or at 127.0.0.1")
+        if tls is not None and not is_secured(endpoint):
+            message = f"{endpoint} serves nobody: with [publish.tls] only those are let in whose certificate has a name in readers"
+            yield document.problem(at, message)
+    if tls is not None and not publish.readers:
+        message = 'nobody may read: name the certificates of trains, and of a router that is dialled, as readers = ["r291"]'
+        yield document.problem(("publish", "readers"), message)
+
+
+def is_local(endpoint: str) -> bool:
+    """Whether only this machine reaches it."""
+    return re.match(r"unixsock-stream/|[a-z]+/(127\.[0-9.]+|localhost|\[::1\]):", endpoint) is not None
 
 
 def sides_m(points: Mapping[str, EcefPoint]) -> dict[tuple[str, str], float]:

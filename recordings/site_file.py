@@ -22,9 +22,12 @@ from recordings.site_schema import (
     ReceiverSection,
     RecordSection,
     SiteSection,
+    TlsSection,
     protocol_of,
     read_section,
+    read_tls,
     unknown_key,
+    without_certificates,
 )
 from recordings.toml_file import (
     ConfigProblems,
@@ -54,6 +57,7 @@ class SiteFile:
     sources: dict[str, str | None]
     warnings: tuple[Problem, ...]
     publish: PublishSection
+    tls: TlsSection | None
     record: RecordSection
     page: PageSection
 
@@ -81,6 +85,7 @@ def resolve_site(document: TomlDocument) -> SiteFile:
         sources={name: receiver.source for name, receiver in findings.receivers.items()},
         warnings=findings.warnings,
         publish=publish if publish.key else publish.model_copy(update={"key": f"keys/{findings.config.site_id}.pem"}),
+        tls=findings.tls,
         record=findings.record,
         page=findings.page,
     )
@@ -95,6 +100,7 @@ class SiteFindings:
     config: SiteConfig | None
     receivers: dict[str, ReceiverSection]
     publish: PublishSection
+    tls: TlsSection | None
     record: RecordSection
     page: PageSection
 
@@ -104,13 +110,18 @@ def examine_site(document: TomlDocument) -> SiteFindings:
     site, site_problems = read_section(document, ("site",), SiteSection)
     integrity, integrity_problems = read_section(document, ("integrity",), IntegritySection)
     publish, publish_problems = read_section(document, ("publish",), PublishSection)
+    tls, tls_problems = read_tls(document)
     record, record_problems = read_section(document, ("record",), RecordSection)
     page, page_problems = read_section(document, ("page",), PageSection)
     receivers, receiver_problems = _read_receivers(document)
     points, point_problems = _read_points(document, receivers)
-    problems = site_problems + integrity_problems + publish_problems + record_problems + page_problems + receiver_problems + point_problems
+    problems = site_problems + integrity_problems + publish_problems + tls_problems + record_problems + page_problems
+    problems += receiver_problems + point_problems
     problems += [document.problem((key,), unknown_key(key, SECTIONS)) for key in document.values if key not in SECTIONS]
     problems += site_checks.source_problems(document, receivers)
+    if tls is None:
+        problems += without_certificates(document, {"listen": publish.listen, "connect": publish.connect})
+        problems += site_checks.readers_without_tls(document, publish)
     warnings = [*site_checks.site_warnings(document, site), *site_checks.sharing_warnings(document, receivers)]
 
     # A slip in an error model must not be held against the triangle or the tolerance as well.
@@ -123,7 +134,7 @@ def examine_site(document: TomlDocument) -> SiteFindings:
         warnings += site_checks.pair_warnings(document, config.integrity)
     refused = {problem.key for problem in problems}
     warnings = [warning for warning in warnings if warning.key not in refused]
-    return SiteFindings(by_line(problems), by_line(warnings), config, receivers, publish, record, page)
+    return SiteFindings(by_line(problems), by_line(warnings), config, receivers, publish, tls, record, page)
 
 
 def _read_points(document: TomlDocument, receivers: dict[str, ReceiverSection]) -> tuple[dict[str, EcefPoint], list[Problem]]:
@@ -257,7 +268,7 @@ def _setting_parts(setting: str) -> Parts | Problem:
     fields = {name: model.model_fields for name, model in SECTIONS.items() if name != "receivers"}
     homes = [name for name in fields if parts[0] in fields[name]]
     if len(homes) == 1:
-        return (homes[0], *parts)
+        return (*homes[0].split("."), *parts)
     known = [field for section in fields.values() for field in section]
     several = f"several sections have this key: write {' or '.join(f'{home}.{key}' for home in homes)}"
     return Problem(COMMAND_LINE, None, key, value, several if homes else unknown_key(parts[0], known))

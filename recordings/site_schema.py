@@ -42,6 +42,10 @@ Endpoints = Annotated[
     tuple[Annotated[str, Field(pattern=f"^({ENDPOINT_PATTERN})$")], ...],
     Field(strict=False, description='a list of Zenoh endpoints, PROTOCOL/HOST:PORT, such as ["tcp/0.0.0.0:7447"]'),
 ]
+CommonNames = Annotated[
+    tuple[Annotated[str, Field(min_length=1, max_length=64)], ...],
+    Field(strict=False, description='a list of common names of certificates, such as ["r291", "router-east"]'),
+]
 Ecef = Annotated[
     tuple[float, float, float] | None,
     Field(strict=False, description="three finite numbers in metres, [x, y, z]"),
@@ -112,12 +116,21 @@ class IntegritySection(Section):
 
 
 class PublishSection(Section):
-    """`[publish]`: Zenoh endpoints, the signing key (by default `keys/ID.pem`), and how long a message counts."""
+    """`[publish]`: Zenoh endpoints, the signing key (by default `keys/ID.pem`), how long a message counts, and with TLS who may read."""
 
     listen: Endpoints = ("tcp/0.0.0.0:7447",)
     connect: Endpoints = ()
     key: Text = ""
     valid_for_ms: Annotated[int, Field(ge=100, le=60_000, description="whole milliseconds, from 100 to 60000")] = 3000
+    readers: CommonNames = ()
+
+
+class TlsSection(Section):
+    """`[publish.tls]`: certificates for endpoints `tls/HOST:PORT`; relative paths count from where the file lies."""
+
+    root_ca: Text
+    certificate: Text
+    private_key: Text
 
 
 class RecordSection(Section):
@@ -137,6 +150,7 @@ SECTIONS: dict[str, type[Section]] = {
     "receivers": ReceiverSection,
     "integrity": IntegritySection,
     "publish": PublishSection,
+    "publish.tls": TlsSection,
     "record": RecordSection,
     "page": PageSection,
 }
@@ -160,7 +174,8 @@ def read_section(
 ) -> tuple[S, list[Problem]]:
     """The table at `parts`, absent as an empty one. With problems, the section holds the sound keys, and defaults or "" for the rest.
 
-    `sections` are all that the file may have: a key that stands in the wrong one is sent to where it belongs.
+    `sections` are all that the file may have: a key that stands in the wrong one is sent to where it belongs, and a table in a table that
+    is a section of its own (`publish.tls`) is read on its own.
     """
     table: Any = document.values
     for part in parts:
@@ -170,6 +185,7 @@ def read_section(
         return model.model_construct(**required), [
             document.problem(parts, f"expected a table: write [{dotted(parts)}] and its keys below it")
         ]
+    table = {key: value for key, value in table.items() if dotted((*parts, key)) not in sections}
     try:
         return model.model_validate(table), []
     except ValidationError as error:
@@ -187,6 +203,25 @@ def _expectation(model: type[Section], key: str, table: dict[str, Any], sections
         options = get_args(field.annotation)
         return "expected " + " or ".join(f'"{option}"' for option in options) + did_you_mean(str(table[key]), options)
     return f"expected {field.description}" if key in table else f"missing: add {key}, {field.description}"
+
+
+def read_tls(document: TomlDocument, sections: Mapping[str, type[Section]] = SECTIONS) -> tuple[TlsSection | None, list[Problem]]:
+    """`[publish.tls]`, None where the file has no such table."""
+    publish = document.values.get("publish")
+    if not isinstance(publish, dict) or "tls" not in publish:
+        return None, []
+    return read_section(document, ("publish", "tls"), TlsSection, sections)
+
+
+def is_secured(endpoint: str) -> bool:
+    """Whether both ends of it show certificates."""
+    return endpoint.startswith(("tls/", "quic/"))
+
+
+def without_certificates(document: TomlDocument, endpoints: Mapping[str, tuple[str, ...]]) -> list[Problem]:
+    """Endpoints of `[publish]`, by key, that need a table `[publish.tls]` that is not there."""
+    message = "tls and quic need certificates: add [publish.tls] with root_ca, certificate and private_key"
+    return [document.problem(("publish", key), message) for key, given in endpoints.items() if any(map(is_secured, given))]
 
 
 def unknown_key(key: str, known: Collection[str], sections: Mapping[str, type[Section]] = SECTIONS) -> str:

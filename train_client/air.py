@@ -4,7 +4,9 @@ import threading
 from collections.abc import Callable, Sequence
 
 from integrity.messages.key_expressions import CHALLENGE, HEALTH, site_key, train_key
-from recordings.link import Arrival, Link, Put, dial_link
+from recordings.keys import KeyDates
+from recordings.link import Arrival, Link, Put, dial_link, nobody_at
+from recordings.tls_files import TlsFiles
 from train_client.events import ChallengeAnswered, HealthReceived
 
 ANSWER_WITHIN_S = 1.0
@@ -14,10 +16,25 @@ Take = Callable[[HealthReceived | ChallengeAnswered], None]
 
 
 class Air:
-    """Hands on what comes from one station; challenges it, and publishes positions, whenever somebody is there."""
+    """Hands on what comes from one station; challenges it, and publishes positions, whenever somebody is there.
 
-    def __init__(self, connect: Sequence[str], station: str, train_id: str, take: Take, say: Callable[[str], None]) -> None:
+    What names a key that does not count today is not handed on: dates need a clock, and who decides has none but its own.
+    """
+
+    def __init__(
+        self,
+        connect: Sequence[str],
+        tls: TlsFiles | None,
+        dates: KeyDates,
+        station: str,
+        train_id: str,
+        take: Take,
+        say: Callable[[str], None],
+    ) -> None:
         self._connect = connect
+        self._tls = tls
+        self._dates = dates
+        self._refused = ""  # said last
         self._station = station
         self._train_id = train_id
         self._take = take
@@ -35,7 +52,7 @@ class Air:
         """Ask the station to sign a nonce; what comes back is handed on. Nobody there: nothing happens."""
         link = self._link
         if link is not None:
-            link.ask(site_key(self._station, CHALLENGE), nonce, ANSWER_WITHIN_S, lambda arrival: self._take(self._answer(nonce, arrival)))
+            link.ask(site_key(self._station, CHALLENGE), nonce, ANSWER_WITHIN_S, lambda arrival: self._answer(nonce, arrival))
 
     def publish(self, position: bytes) -> None:
         """Put a TrainPosition, if there is a link."""
@@ -47,17 +64,26 @@ class Air:
         self._ended.set()
         self._thread.join(STOP_WITHIN_S if self._link is not None else 0.0)
 
-    def _answer(self, nonce: bytes, arrival: Arrival) -> ChallengeAnswered:
-        return ChallengeAnswered(arrival.mono_ns, self._station, nonce, arrival.data, arrival.error)
+    def _answer(self, nonce: bytes, arrival: Arrival) -> None:
+        if self._counts(self._dates.of_answer(arrival.data)):
+            self._take(ChallengeAnswered(arrival.mono_ns, self._station, nonce, arrival.data, arrival.error))
+
+    def _health(self, arrival: Arrival) -> None:
+        if self._counts(self._dates.of_health(arrival.data)):
+            self._take(HealthReceived(arrival.mono_ns, arrival.key_expr, arrival.data))
+
+    def _counts(self, refusal: str) -> bool:
+        """Whether there is no reason against it; a reason is said when it is another than before."""
+        if refusal and refusal != self._refused:
+            self._say(f"not believed: {refusal}")
+        self._refused = refusal or self._refused
+        return not refusal
 
     def _run(self) -> None:
-        endpoints = ", ".join(self._connect)
-        with dial_link(self._connect, lambda: self._say(f"nobody is at {endpoints}; it is tried again every second")) as link:
-            link.subscribe(
-                site_key(self._station, HEALTH), lambda arrival: self._take(HealthReceived(arrival.mono_ns, arrival.key_expr, arrival.data))
-            )
+        with dial_link(self._connect, lambda: self._say(nobody_at(self._connect)), self._tls) as link:
+            link.subscribe(site_key(self._station, HEALTH), self._health)
             self._put = link.droppable(train_key(self._train_id), "wayside.v1.TrainPosition")
             self._link = link
-            self._say(f"connected to {endpoints}")
+            self._say(f"connected to {', '.join(self._connect)}")
             self._ended.wait()
             self._link, self._put = None, None

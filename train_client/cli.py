@@ -27,6 +27,10 @@ def listen(
         str | None,
         typer.Option("--connect", help=f"Zenoh endpoint; by default that of ./{SITE_FILE}, or {DEFAULT_CONNECT}.", show_default=False),
     ] = None,
+    certificate: Annotated[
+        Path | None,
+        typer.Option("--certificate", help="For tls endpoints: NAME.pem; NAME.key and ca.pem lie beside it.", show_default=False),
+    ] = None,
     as_json: Annotated[bool, typer.Option("--json", help="One JSON object per message on stdout, everything else on stderr.")] = False,
     count: Annotated[int | None, typer.Option("--count", min=1, help="End after so many messages.", show_default=False)] = None,
 ) -> None:
@@ -35,11 +39,16 @@ def listen(
     Example: wayside listen kokubunji-1 --keys keys/trusted.toml --connect tcp/10.0.0.1:7447 --json
     """
     from integrity.messages.verification import HealthVerifier
-    from recordings.keys import keys_of, read_trusted
-    from recordings.link import dial_link
+    from recordings.keys import KeyDates, keys_of, read_trusted
+    from recordings.link import dial_link, nobody_at
+    from recordings.tls_files import check_tls, files_beside
     from train_client import listen as words
 
-    trusted = keys_of(read_trusted(keys), site, keys)
+    known = read_trusted(keys)
+    trusted = keys_of(known, site, keys)
+    dates = KeyDates(known[site])
+    tls = files_beside(certificate) if certificate else None
+    check_tls(tls)
     endpoint = connect or _endpoint_of(SITE_FILE) or DEFAULT_CONNECT
     signal.signal(signal.SIGTERM, lambda *_: sys.exit(0))
     notices = sys.stderr if as_json else sys.stdout
@@ -47,11 +56,14 @@ def listen(
     def say(notice: str) -> None:
         print(notice, file=notices, flush=True)
 
-    with dial_link([endpoint], lambda: say(f"NO_COMMS: nobody is at {endpoint}; it is tried again every second")) as link:
+    for warning in dates.warnings():
+        say(warning)
+    with dial_link([endpoint], lambda: say(f"NO_COMMS: {nobody_at([endpoint])}"), tls) as link:
         print(f"listening for {site} at {endpoint}, {len(trusted)} key{'s' * (len(trusted) != 1)} trusted", file=sys.stderr, flush=True)
         listener = words.Listener(
             link,
             HealthVerifier(site, trusted, MAX_VALID_MS),
+            dates,
             lambda received: print(words.as_json(received) if as_json else words.as_line(received), flush=True),
             say,
         )

@@ -17,6 +17,7 @@ from integrity.gnss.gps_time import format_utc
 from integrity.messages import wayside_pb2 as pb
 from integrity.messages.key_expressions import ALIVE, CHALLENGE, HEALTH, site_key
 from integrity.messages.verification import CAUSES, NONCE_BYTES, NS_PER_MS, Answer, HealthVerifier, Received
+from recordings.keys import KeyDates
 from recordings.link import Arrival, Link
 
 CHALLENGE_EVERY_NS = 1_000_000_000
@@ -48,9 +49,15 @@ class Listener:
     """Follows one site over a link. `on_message` gets every message of it, believed or not; `on_notice` what else happens, in words."""
 
     def __init__(
-        self, link: Link, verifier: HealthVerifier, on_message: Callable[[Received], None], on_notice: Callable[[str], None]
+        self,
+        link: Link,
+        verifier: HealthVerifier,
+        dates: KeyDates,
+        on_message: Callable[[Received], None],
+        on_notice: Callable[[str], None],
     ) -> None:
         self._link = link
+        self._dates = dates
         self._verifier = verifier
         self._on_message = on_message
         self._on_notice = on_notice
@@ -104,7 +111,8 @@ class Listener:
         if arrival.error:
             self._on_notice(f"{self._verifier.site} has no health to tell: {arrival.error[:SHOWN_CHARACTERS]!r}")
             return 0
-        received = self._verifier.health(arrival.key_expr, arrival.data, arrival.mono_ns)
+        refusal = self._dates.of_health(arrival.data)
+        received = Received(refusal) if refusal else self._verifier.health(arrival.key_expr, arrival.data, arrival.mono_ns)
         if not item.live and received.refusal.startswith(("repeated", "older")):
             return 0  # the live one was faster
         if received.verified:
@@ -118,6 +126,8 @@ class Listener:
         arrival = item.arrival
         if arrival.error:
             answer = Answer(f"an error instead of it: {arrival.error[:SHOWN_CHARACTERS]!r}")
+        elif refusal := self._dates.of_answer(arrival.data):
+            answer = Answer(refusal)
         else:
             answer = self._verifier.challenge_answered(item.nonce, item.sent_mono_ns, arrival.mono_ns, arrival.data)
         if answer.refusal and answer.refusal != self._refused_answer:

@@ -20,11 +20,12 @@ from integrity.events import InputLost
 from integrity.gnss.gps_time import NS_PER_S, gps_from_utc
 from integrity.messages import wayside_pb2 as pb
 from integrity.messages.verification import NONCE_BYTES
-from recordings.keys import keys_of, read_trusted
+from recordings.keys import KeyDates, keys_of, read_trusted
 from recordings.recorder import Recorder, check_directory
 from recordings.sources.host_clock import mono_now_ns, tick
 from recordings.sources.inbox import Inbox
 from recordings.sources.listener import listener_of
+from recordings.tls_files import check_tls
 from train_client.air import Air
 from train_client.events import ChallengeSent, TrainEvent
 from train_client.localisation.localiser import TrainLocaliser
@@ -55,12 +56,15 @@ def run_train(train: TrainFile, map_file: Path, say: Say, watch: Watch) -> int:
     config = train.config
     map_json = read_map_text(map_file)
     track = load_map(map_json, str(map_file))
-    keys = keys_of(read_trusted(train.keys_path), config.station, train.keys_path)
+    trusted = read_trusted(train.keys_path)
+    keys = keys_of(trusted, config.station, train.keys_path)
+    dates = KeyDates(trusted[config.station])
+    check_tls(train.tls)
     sources = {name: url for name, url in train.sources.items() if url is not None}
     check_directory(train.directory)
     inbox = Inbox[TrainEvent]()
     recorder = Recorder(train.directory, manner_of(config, train.text, map_json, {config.station: keys}), say)
-    air = Air(train.connect, config.station, config.train_id, lambda event: inbox.put_event(AIR, event), say)
+    air = Air(train.connect, train.tls, dates, config.station, config.train_id, lambda event: inbox.put_event(AIR, event), say)
     folder = Path(train.file).parent
     listeners = [listener_of(name, url, folder, inbox, config.epoch_interval_ns, say) for name, url in sources.items()]
     runner = TrainRunner(TrainLocaliser(config, track, keys), inbox, air, recorder, say, watch)
@@ -71,6 +75,8 @@ def run_train(train: TrainFile, map_file: Path, say: Say, watch: Watch) -> int:
         for listener in listeners:
             listener.start()
         say(f"train {config.train_id} on map {track.id}: trusts {len(keys)} key{'s' * (len(keys) != 1)} of {config.station}")
+        for warning in dates.warnings():
+            say(warning)
         runner.run(lambda: any(listener.is_alive() for listener in listeners))
     finally:
         inbox.close()

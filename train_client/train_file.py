@@ -20,10 +20,14 @@ from recordings.site_schema import (
     Section,
     Sigma,
     Text,
+    TlsSection,
     protocol_of,
     read_section,
+    read_tls,
     source_problem,
+    without_certificates,
 )
+from recordings.tls_files import TlsFiles, files_of
 from recordings.toml_file import ConfigProblems, Problem, TomlDocument, did_you_mean, parse_toml, read_toml
 from train_client.config import AntennaConfig, TrainConfig
 from train_client.trust import TrustLimits
@@ -95,6 +99,7 @@ SECTIONS: dict[str, type[Section]] = {
     "antenna": AntennaSection,
     "trust": TrustSection,
     "publish": PublishSection,
+    "publish.tls": TlsSection,
     "record": RecordSection,
 }
 
@@ -110,6 +115,7 @@ class TrainFile:
     map_path: Path | None
     keys_path: Path
     connect: tuple[str, ...]
+    tls: TlsFiles | None
     directory: Path
 
 
@@ -128,9 +134,12 @@ def resolve_train(document: TomlDocument, folder: Path) -> TrainFile:
     train, problems = read_section(document, ("train",), TrainSection, SECTIONS)
     trust, found = read_section(document, ("trust",), TrustSection, SECTIONS)
     publish, more = read_section(document, ("publish",), PublishSection, SECTIONS)
+    tls, of_tls = read_tls(document, SECTIONS)
     record, rest = read_section(document, ("record",), RecordSection, SECTIONS)
     antennas, of_antennas = _antennas(document, train.length_m)
-    problems += [*found, *more, *rest, *of_antennas]
+    problems += [*found, *more, *of_tls, *rest, *of_antennas]
+    if tls is None:
+        problems += without_certificates(document, {"connect": publish.connect})
     known = tuple(SECTIONS)
     problems += [
         document.problem((key,), "no such key" + (did_you_mean(key, known) or f": expected one of {', '.join(known)}"))
@@ -151,6 +160,7 @@ def resolve_train(document: TomlDocument, folder: Path) -> TrainFile:
         map_path=None if train.map is None else folder / train.map,
         keys_path=folder / trust.public_keys,
         connect=publish.connect,
+        tls=files_of(tls, folder),
         directory=folder / record.directory,
     )
 

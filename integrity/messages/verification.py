@@ -245,6 +245,8 @@ class HealthVerifier:
             return "late answer: one to a later challenge has come already"
         if tie.boot_id in self._superseded:
             return f"older boot: boot {tie.boot_id.hex()} answers again after it was superseded: two stations share a key"
+        if self._tie and tie.boot_id != self._tie.boot_id and tie.sent_mono_ns <= self._tie.received_mono_ns:
+            return f"which boot is the later is not known: asked before boot {self._tie.boot_id.hex()} had answered: ask again"
         round_trip_ns = tie.received_mono_ns - tie.sent_mono_ns
         if not 0 <= round_trip_ns <= self.max_valid_ms * NS_PER_MS:
             return f"round trip of {round_trip_ns / NS_PER_MS:.1f} ms: expected 0 to {self.max_valid_ms} ms"
