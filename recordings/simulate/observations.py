@@ -1,8 +1,9 @@
 """What receivers would have measured under a simulated constellation, as the events that whoever listens to them would have met.
 
 Any number of antennas, fixed or moving. Satellites fly for the whole run by the ephemerides that are in force when it begins, so that the
-broadcast models find the antennas but for the errors of `ErrorModel`; sets that follow say the same but for their resolution. Light time is iterated and the frame turned under the signal (no linearised Sagnac term): right to
-0.1 mm, then rounded to 1/1024 m (a binary fraction compresses well). Every value is one that a u-blox receiver can say: `receiver`.
+broadcast models find the antennas but for the errors of `ErrorModel`; sets that follow say the same but for their resolution. Light time
+is iterated and the frame turned under the signal (no linearised Sagnac term): right to 0.1 mm, then rounded to 1/1024 m (a binary fraction
+compresses well). Every value is one that a u-blox receiver can say: `receiver`.
 """
 
 import math
@@ -248,7 +249,10 @@ def _measured(
     clock_m = SPEED_OF_LIGHT_MPS * clocks.bias_s[:, :, None] - sky.satellite_clock_m
     clock_mps = SPEED_OF_LIGHT_MPS * clocks.drift_sps[:, :, None] - sky.satellite_clock_mps
     neutral_m = sky.range_m + clock_m + sky.troposphere_m
-    ambiguity = [[generator(seed, f"ambiguity/{r}/{s}").integers(-MOST_AMBIGUITY_CYCLES, MOST_AMBIGUITY_CYCLES) for s in processes] for r in receivers]
+    ambiguity = [
+        [generator(seed, f"ambiguity/{r}/{s}").integers(-MOST_AMBIGUITY_CYCLES, MOST_AMBIGUITY_CYCLES) for s in processes]
+        for r in receivers
+    ]
     return {
         "pseudorange_m": _rounded(neutral_m + sky.ionosphere_m + spoiled.code_m, 1024),
         "carrier_cycles": _rounded((neutral_m - sky.ionosphere_m + spoiled.carrier_m) / wavelength_m + np.array(ambiguity), 1024),

@@ -18,7 +18,8 @@ def test_nothing_is_silent_on_real_receivers(name: str, shared_data: Path) -> No
     triple = TRIPLES[name]
     of_triple = site(shared_data, triple)
     blocks = blocks_of(of_triple.config, imported(shared_data, triple, of_triple).events)
-    minutes = [(block, e) for block in blocks for e in range(0, len(block.decided.epochs), 2) if block.decided.clean[e]]  # epochs are 30 s apart
+    every_minute = 2  # epochs are 30 s apart
+    minutes = [(block, e) for block in blocks for e in range(0, len(block.decided.epochs), every_minute) if block.decided.clean[e]]
     assert [(block.decided.epochs[e].epoch_ns, silent) for block, e in minutes if (silent := block.silent(e))] == []
 
 

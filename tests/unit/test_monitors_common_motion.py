@@ -32,7 +32,8 @@ def one(column: int, epochs: int = 1, satellites: int = 16) -> Bools:
 
 def dragged(epochs: int = 1) -> Floats:
     """A triangle that stands elsewhere: a range shrinks when it moves towards the satellite."""
-    return -np.einsum("ies,i->es", measured(np.zeros((epochs, 16)), epochs).towards, AWAY_M)
+    away_m: Floats = -np.einsum("ies,i->es", measured(np.zeros((epochs, 16)), epochs).towards, AWAY_M)
+    return away_m
 
 
 def test_a_displacement_leaves_nothing_of_what_it_is() -> None:
