@@ -123,9 +123,8 @@ class StationMonitor:
             yield self._block(run)
 
     def look_ahead(self) -> None:
-        """Do what the next epoch is going to need, should it go on as the last one did, while there is time. It changes no decision, only
-        how soon the next one is there."""
-        self._test_itself()
+        """Compute what the next epoch is going to need, should it go on as the last one did, while there is time. It changes no decision,
+        only how soon the next one is there."""
         last_ns, last = self._assembler.last_epoch_ns, self._last
         if last_ns is not None and last is not None:
             self._ahead = ahead_of(last, last_ns + self.site.epoch_interval_ns, self.place, self._store)
@@ -142,7 +141,7 @@ class StationMonitor:
 
     def snapshot(self) -> Snapshot:
         """The whole state, as values."""
-        self._test_itself()
+        self.test_itself()
         streams, satellites, receivers, exclusions = self._memory
         return Snapshot(
             streams=streams,
@@ -165,7 +164,7 @@ class StationMonitor:
     def _epoch(self, decided: Decided, e: int, epoch: AlignedEpoch) -> list[Output]:
         exclusions = tuple(sorted(decided.walked.tables[e].values(), key=lambda x: x.satellite))
         alone = CLEAN if decided.clean_alone[e] else triangle_verdict(decided.alone.checks, e)
-        self._test_itself()
+        self.test_itself()
         if decided.clean[e] and is_due(epoch.epoch_ns, self.site.epoch_interval_ns):
             self._due = _Due(decided, e)
         verdict = alone if self.site.integrity.rule == "triangle" else self._verdict(decided, e, exclusions)
@@ -216,9 +215,9 @@ class StationMonitor:
             *audit.accusations(self._audit, self._audited),
         )
 
-    def _test_itself(self) -> None:
-        """Once a minute, of a sound epoch: which checks miss a fault that they should see, in a copy of it. Made where there is time after
-        that epoch, at the latest before the next one, whose verdict goes by it."""
+    def test_itself(self) -> None:
+        """Once a minute, of a sound epoch: which checks miss a fault that they should see, in a copy of it. To be called where there is time
+        after that epoch; it is made at the latest before the next one, whose verdict goes by it."""
         if self._due is not None:
             self._silent = silent_families(*self._due, self.place)
             self._due = None

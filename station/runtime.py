@@ -157,8 +157,9 @@ class Station:
                 return
 
     def _do_chores(self) -> None:
-        """While there is time: a second look at what was decided, and garbage."""
+        """While there is time: the monitor tests itself, a second look at what was decided, and garbage."""
         self._chores_ns = NEVER_NS
+        self._monitor.test_itself()
         self._second_look.take()
         gc.collect()
 
