@@ -216,8 +216,8 @@ class StationMonitor:
         )
 
     def test_itself(self) -> None:
-        """Once a minute, of a sound epoch: which checks miss a fault that they should see, in a copy of it. To be called where there is time
-        after that epoch; it is made at the latest before the next one, whose verdict goes by it."""
+        """Once a minute, of a sound epoch: which checks miss a fault that they should see, in a copy of it. To be called where there is
+        time after that epoch; it is made at the latest before the next one, whose verdict goes by it."""
         if self._due is not None:
             self._silent = silent_families(*self._due, self.place)
             self._due = None
