@@ -274,16 +274,20 @@ def _config(mode: str, listen: Sequence[str], connect: Sequence[str], tls: TlsFi
 
 
 def _access_control(access: Access) -> dict[str, object]:
-    """A rule for what comes in and one for what goes out. `**` does not reach what Zenoh keeps under `@adv`: lost and earlier alerts."""
-    places = [site_key(access.site, "**"), site_key(access.site, f"{ALERT}/@adv/**")]
+    """A rule for what comes in and one for what goes out.
+
+    A rule covers what lies wholly in it: who follows several sites by a wildcard may say so, and still gets this one's words alone. `**`
+    does not reach what Zenoh keeps under `@adv`: lost and earlier alerts.
+    """
+    anywhere, here = ([site_key(site, "**"), site_key(site, f"{ALERT}/@adv/**")] for site in ("*", access.site))
     asks = ["declare_subscriber", "query", "declare_liveliness_subscriber", "liveliness_query"]
     told = ["put", "reply", "liveliness_token", "declare_queryable"]
     return {
         "enabled": True,
         "default_permission": "deny",
         "rules": [
-            {"id": "asks", "permission": "allow", "flows": ["ingress"], "messages": asks, "key_exprs": places},
-            {"id": "told", "permission": "allow", "flows": ["egress"], "messages": told, "key_exprs": places},
+            {"id": "asks", "permission": "allow", "flows": ["ingress"], "messages": asks, "key_exprs": anywhere},
+            {"id": "told", "permission": "allow", "flows": ["egress"], "messages": told, "key_exprs": here},
         ],
         "subjects": [{"id": "readers", "cert_common_names": list(access.readers)}] if access.readers else [],
         "policies": [{"rules": ["asks", "told"], "subjects": ["readers"]}] if access.readers else [],

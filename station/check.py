@@ -10,6 +10,7 @@ from integrity.errors import ConfigError
 from integrity.limits import Limits, derive
 from integrity.thresholds import Threshold
 from integrity.triangle import ReferenceTriangle, reference_triangle
+from recordings.site_checks import open_endpoints
 from recordings.site_file import SiteFile, examine_site, load_site, missing_sources
 from recordings.toml_file import ConfigProblems, Problem, TomlDocument, by_line, read_toml
 
@@ -52,7 +53,8 @@ def check_site(path: Path) -> CheckReport:
         triangle = reference_triangle(findings.config)
         limits = _limits(document, findings.config, triangle, errors)
         facts = SiteFacts(findings.config, _sides_m(triangle), _angles_deg(triangle), limits)
-    return CheckReport(document.file, by_line(errors), findings.warnings, facts)
+    warnings = [*findings.warnings, *open_endpoints(document, findings.publish, findings.tls)]
+    return CheckReport(document.file, by_line(errors), by_line(warnings), facts)
 
 
 def sound_site(path: Path) -> SiteFile:

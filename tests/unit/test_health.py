@@ -103,6 +103,15 @@ def test_enough_clean_epochs_lead_to_normal(now: Health) -> None:
     assert after_epoch(ready, CLEAN, 30 * NS_PER_S, LIMITS) == Health(State.NORMAL, Cause.NONE, (), 0, 2, started=True)
 
 
+def test_where_one_clean_epoch_is_enough_it_is_the_first_of_them() -> None:
+    at_once = replace(LIMITS, recover_after_ns=0, recover_epochs=1)
+    assert after_epoch(Health(), CLEAN, 5, at_once) == Health(State.NORMAL, Cause.NONE, (), 5, 1, started=True)
+
+
+def test_who_is_normal_in_a_clean_epoch_has_been_normal() -> None:
+    assert after_epoch(NORMAL, CLEAN, 5, LIMITS).started
+
+
 def test_normal_stays_normal_in_a_clean_epoch() -> None:
     assert after_epoch(NORMAL, CLEAN, 5, LIMITS).state is State.NORMAL
 

@@ -2,14 +2,19 @@
 
 import os
 import stat
+from datetime import date, timedelta
 from pathlib import Path
 
 import pytest
 from cryptography.hazmat.primitives.asymmetric import ed25519, rsa
 from cryptography.hazmat.primitives.serialization import BestAvailableEncryption, Encoding, NoEncryption, PrivateFormat
+from hypothesis import given
+from hypothesis import strategies as st
 
 from integrity.errors import ConfigError
-from recordings.keys import keys_of, load_key, new_key, read_trusted, trusted_table
+from integrity.messages import wayside_pb2 as pb
+from integrity.messages.signatures import key_id
+from recordings.keys import KeyDates, TrustedKey, keys_of, load_key, new_key, read_trusted, trusted_table
 from recordings.toml_file import ConfigProblems
 from wayside import run
 
@@ -88,7 +93,7 @@ def test_a_key_that_is_not_there_is_refused_with_the_remedy(tmp_path: Path) -> N
 def test_a_site_may_have_two_keys(tmp_path: Path) -> None:
     path = tmp_path / "trusted.toml"
     path.write_text("# keys\n" + trusted_table("north-1", PUBLIC) + trusted_table("south", PUBLIC) + trusted_table("north-1", PUBLIC[::-1]))
-    assert read_trusted(path) == {"north-1": (PUBLIC, PUBLIC[::-1]), "south": (PUBLIC,)}
+    assert read_trusted(path) == {"north-1": (TrustedKey(PUBLIC), TrustedKey(PUBLIC[::-1])), "south": (TrustedKey(PUBLIC),)}
 
 
 def test_everything_wrong_with_trusted_keys_is_said_at_once(tmp_path: Path) -> None:
@@ -125,14 +130,14 @@ def test_a_file_without_tables_of_keys_is_refused(tmp_path: Path, text: str) -> 
 
 def test_a_site_without_a_key_is_named_with_those_that_have_one() -> None:
     with pytest.raises(ConfigError, match=r'site nort-1; did you mean "north-1"\? \(there are keys for north-1\)'):
-        keys_of({"north-1": (PUBLIC,)}, "nort-1", Path("trusted.toml"))
+        keys_of({"north-1": (TrustedKey(PUBLIC),)}, "nort-1", Path("trusted.toml"))
 
 
 def test_what_the_commands_print_is_a_file_of_trusted_keys(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     path, trusted = tmp_path / "keys" / "north-1.pem", tmp_path / "trusted.toml"
     codes = [run(["keys", "new", str(path)]), run(["keys", "show", str(path), "--site", "south"])]
     trusted.write_text(capsys.readouterr().out)
-    public = load_key(path).public
+    public = TrustedKey(load_key(path).public)
     assert (codes, read_trusted(trusted)) == ([0, 0], {"north-1": (public,), "south": (public,)})
 
 
@@ -140,3 +145,72 @@ def test_what_the_commands_print_is_a_file_of_trusted_keys(tmp_path: Path, capsy
 def test_a_name_that_is_no_site_is_refused_before_anything_is_written(tmp_path: Path, command: str) -> None:
     path = tmp_path / "north 1.pem"
     assert (run(["keys", command, str(path)]), path.exists()) == (2, False)
+
+
+DAY = date(2027, 4, 1)
+
+
+@pytest.mark.parametrize(
+    "not_before, not_after, counts",
+    [
+        (None, None, True),
+        (DAY, None, True),
+        (DAY + timedelta(1), None, False),
+        (None, DAY, True),
+        (None, DAY - timedelta(1), False),
+        (DAY, DAY, True),
+        (date.min, date.max, True),
+    ],
+)
+def test_a_key_counts_from_its_first_day_to_its_last(not_before: date | None, not_after: date | None, counts: bool) -> None:
+    assert (TrustedKey(PUBLIC, not_before, not_after).refusal(DAY) == "") == counts
+
+
+def test_dates_are_read_and_are_optional(tmp_path: Path) -> None:
+    path = tmp_path / "trusted.toml"
+    path.write_text(
+        trusted_table("a", PUBLIC) + "not_after = 2027-03-31\n" + trusted_table("a", PUBLIC[::-1]) + "not_before = 2027-03-01\n"
+    )
+    old, new = TrustedKey(PUBLIC, None, date(2027, 3, 31)), TrustedKey(PUBLIC[::-1], date(2027, 3, 1), None)
+    assert read_trusted(path) == {"a": (old, new)}
+
+
+@pytest.mark.parametrize(
+    "line, key",
+    [
+        ('not_before = "2027-03-01"', "key.0.not_before"),
+        ("not_after = 2027-03-01T00:00:00Z", "key.0.not_after"),
+        ("not_after = 2027", "key.0.not_after"),
+        ("not_before = 2027-03-02\nnot_after = 2027-03-01", "key.0.not_after"),
+        ("not_befor = 2027-03-02", "key.0.not_befor"),
+    ],
+)
+def test_a_date_that_is_none_is_refused(tmp_path: Path, line: str, key: str) -> None:
+    path = tmp_path / "trusted.toml"
+    path.write_text(trusted_table("a", PUBLIC) + line + "\n")
+    with pytest.raises(ConfigProblems) as refused:
+        read_trusted(path)
+    assert [problem.key for problem in refused.value.problems] == [key]
+
+
+def test_dates_judge_what_names_the_key_and_nothing_else() -> None:
+    dates = KeyDates([TrustedKey(PUBLIC, None, date(2001, 1, 1)), TrustedKey(PUBLIC[::-1], date(2001, 1, 1), None)])
+    ended, counting = key_id(PUBLIC), key_id(PUBLIC[::-1])
+    judged = [dates.of_health(pb.SignedHealth(key_id=named).SerializeToString())[:20] for named in (ended, counting, b"unknown")]
+    answers = [dates.of_answer(pb.SignedChallengeReply(key_id=named).SerializeToString())[:20] for named in (ended, counting, b"unknown")]
+    assert (judged, answers) == (["key no longer valid:", "", ""], ["key no longer valid:", "", ""])
+
+
+@given(data=st.binary(max_size=200))
+def test_bytes_that_are_no_message_are_left_to_who_verifies(data: bytes) -> None:
+    dates = KeyDates([TrustedKey(PUBLIC, date(2001, 1, 1), None)])
+    assert (dates.of_health(data), dates.of_answer(data)) == ("", "")
+
+
+def test_keys_that_do_not_count_today_are_warned_of() -> None:
+    warnings = KeyDates([TrustedKey(PUBLIC, date(9000, 1, 1), None), TrustedKey(PUBLIC[::-1])]).warnings()
+    assert [w[:18] for w in warnings if "clock right" not in w] == ["key not yet valid:"]
+
+
+def test_without_dates_nobody_asks_the_clock() -> None:
+    assert KeyDates([TrustedKey(PUBLIC)]).warnings() == []

@@ -1,11 +1,15 @@
 """What is signed, byte by byte: the contract with any other language, and nothing that a flipped bit survives."""
 
+from dataclasses import FrozenInstanceError
+
+import pytest
 from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PrivateKey, Ed25519PublicKey
 
 from integrity.messages import wayside_pb2 as pb
 from integrity.messages.signatures import (
     CHALLENGE_CONTEXT,
     HEALTH_CONTEXT,
+    PUBLIC_KEY_BYTES,
     sign_challenge_reply,
     sign_health,
     signature_is_right,
@@ -58,6 +62,15 @@ def test_a_signature_counts_for_its_kind_of_message_its_place_and_its_bytes_only
         "none": (PUBLIC, b"", HEALTH_CONTEXT, PLACE, data),
     }
     assert [name for name, case in cases.items() if signature_is_right(*case)] == ["as signed"]
+
+
+def test_a_key_cannot_be_changed() -> None:
+    with pytest.raises(FrozenInstanceError):
+        KEY.public = bytes(PUBLIC_KEY_BYTES)  # type: ignore[misc]
+
+
+def test_a_raw_public_key_is_as_long_as_it_is_said_to_be() -> None:
+    assert len(KEY.public) == PUBLIC_KEY_BYTES
 
 
 def test_bytes_cannot_move_between_place_and_message() -> None:

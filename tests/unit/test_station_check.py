@@ -10,10 +10,12 @@ from recordings.site_file import parse_site
 from station.check import CheckReport, as_json, check_site, render
 from tests.unit.sites import SITE, edited
 
+LOCAL = ("tcp/0.0.0.0:7447", "tcp/127.0.0.1:7447")  # an open endpoint is a warning
+
 
 def checked(folder: Path, *edits: tuple[str, str]) -> CheckReport:
     path = folder / "site.toml"
-    path.write_text(edited(*edits))
+    path.write_text(edited(LOCAL, *edits))
     return check_site(path)
 
 

@@ -1,6 +1,7 @@
 """What a train believes: every refusal, by name, and freshness to the nanosecond. Clocks are numbers here."""
 
 from collections.abc import Callable
+from dataclasses import FrozenInstanceError
 from typing import Any
 
 import pytest
@@ -8,14 +9,14 @@ from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PrivateKey
 
 from integrity.messages import wayside_pb2 as pb
 from integrity.messages.signatures import SigningKey, sign_challenge_reply, sign_health, signing_key
-from integrity.messages.verification import Answer, HealthVerifier, Received
+from integrity.messages.verification import Answer, HealthVerifier, LastHealth, Received
 from integrity.states import State
 
 SITE = "kokubunji-1"
 PLACE = f"wayside/v1/{SITE}/health"
 CHALLENGE_PLACE = f"wayside/v1/{SITE}/challenge"
 KEY, STRANGER = (signing_key(Ed25519PrivateKey.from_private_bytes(bytes([n]) * 32)) for n in (1, 2))
-BOOT, NEXT_BOOT, OLD_BOOT = (bytes([n]) * 16 for n in (0xB0, 0xB1, 0xAF))
+BOOT, NEXT_BOOT, LATER_BOOT, OLD_BOOT = (bytes([n]) * 16 for n in (0xB0, 0xB1, 0xB2, 0xAF))
 NONCE = bytes(range(16))
 MS = 1_000_000
 T0 = 7_000_000_000_000  # the train's clock at the challenge; the station's is 5,000 s behind
@@ -214,6 +215,10 @@ ANSWERS: dict[str, tuple[Callable[[HealthVerifier], Answer], str]] = {
     "another nonce": (lambda v: answered(v, nonce=bytes(16)), f"wrong nonce: {'00' * 16} answered, {NONCE.hex()} asked"),
     "a stranger's": (lambda v: answered(v, STRANGER), "unknown key"),
     "no boot": (lambda v: answered(v, boot_id=b"x"), "no boot: boot_id has 1 bytes, expected 16"),
+    "another boot, asked before the last had answered": (
+        lambda v: answered(v, sent_ns=NOW + ROUND_TRIP_NS, boot_id=LATER_BOOT),
+        f"which boot is the later is not known: asked before boot {NEXT_BOOT.hex()} had answered: ask again",
+    ),
     "a superseded boot": (lambda v: answered(v, sent_ns=NOW + MS), f"older boot: boot {BOOT.hex()} answers again"),
     "before the last": (lambda v: answered(v, sent_ns=T0 - 1, boot_id=NEXT_BOOT), "late answer"),
     "too slow": (lambda v: answered(v, sent_ns=NOW, boot_id=NEXT_BOOT, trip_ns=3000 * MS + 1), "round trip of 3000.0 ms: expected 0 to"),
@@ -235,6 +240,124 @@ def test_a_refused_answer_changes_nothing(name: str) -> None:
     verifier = restarted()
     ANSWERS[name][0](verifier)
     assert (verifier.boot_id, judged(verifier, health(1, boot_id=NEXT_BOOT), NOW + 5 * MS).age_ns) == (NEXT_BOOT, 5 * MS + 5000)
+
+
+def test_another_boot_that_was_asked_after_the_last_had_answered_is_in_force() -> None:
+    assert answered(restarted(), sent_ns=NOW + ROUND_TRIP_NS + 1, boot_id=LATER_BOOT) == Answer("", True, ROUND_TRIP_NS)
+
+
+@pytest.mark.parametrize("trip_ns, refusal", [(0, ""), (3000 * MS, ""), (3000 * MS + 1, "round trip of 3000.0 ms: expected 0 to 3000 ms")])
+def test_the_round_trip_to_the_nanosecond(trip_ns: int, refusal: str) -> None:
+    assert answered(HealthVerifier(SITE, [KEY.public], 3000), trip_ns=trip_ns).refusal == refusal
+
+
+def test_the_same_boot_may_answer_twice_to_one_challenge() -> None:
+    assert answered(tied(), issued_mono_ns=STATION_T0 + MS) == Answer("", False, ROUND_TRIP_NS)
+
+
+def test_a_nonce_that_was_cut_is_refused_even_if_it_is_answered_as_asked() -> None:
+    reply = pb.ChallengeReply(nonce=NONCE[:15], boot_id=BOOT, issued_mono_ns=STATION_T0)
+    data = sign_challenge_reply(KEY, CHALLENGE_PLACE, reply).SerializeToString()
+    refusal = HealthVerifier(SITE, [KEY.public], 3000).challenge_answered(NONCE[:15], T0, T0, data).refusal
+    assert refusal.startswith("wrong nonce")
+
+
+def test_a_memory_judges_on_as_the_verifier_would_have() -> None:
+    on = HealthVerifier(SITE, [KEY.public], 3000, restarted().memory())
+    assert judged(on, health(58)).refusal.startswith(f"older boot: sequence 58 of boot {BOOT.hex()}")
+
+
+def test_what_is_told_stays_told_when_a_later_answer_tells_less() -> None:
+    verifier = tied()
+    answered(verifier, sent_ns=T0 + MS, sequence=57)
+    answered(verifier, sent_ns=T0 + 2 * MS, sequence=3)
+    assert judged(verifier, health(56)).refusal == "older: sequence 56 after 57"
+
+
+def test_of_the_last_sequence_and_the_one_told_the_later_counts() -> None:
+    verifier = tied()
+    judged(verifier, health(57))
+    answered(verifier, sent_ns=T0 + MS, sequence=3)
+    assert judged(verifier, health(56)).refusal == "older: sequence 56 after 57"
+
+
+def test_before_the_first_challenge_it_is_worth_one() -> None:
+    assert judged(HealthVerifier(SITE, [KEY.public], 3000), health()).unconfirmed
+
+
+@pytest.mark.parametrize("boot_id, unconfirmed", [(BOOT, False), (NEXT_BOOT, True)])
+def test_a_boot_that_is_not_in_force_is_worth_a_challenge(boot_id: bytes, unconfirmed: bool) -> None:
+    assert judged(tied(), health(boot_id=boot_id)).unconfirmed is unconfirmed
+
+
+def test_what_was_refused_stays_refused() -> None:
+    verifier = tied()
+    received = verifier.health(PLACE, b"", NOW)
+    assert verifier.again(received, NOW + MS) is received
+
+
+def test_what_a_superseded_boot_said_has_no_age_and_is_worth_a_challenge() -> None:
+    verifier = tied()
+    received = judged(verifier, health(57))
+    answered(verifier, sent_ns=NOW, boot_id=NEXT_BOOT)
+    later = verifier.again(received, NOW + 5 * MS)
+    assert (later.unconfirmed, later.age_ns, later.age_ms) == (True, None, None)
+    assert later.staleness == f"boot {BOOT.hex()} is not in force: the station answers as boot {NEXT_BOOT.hex()}"
+
+
+def test_what_is_refused_is_worth_no_challenge_and_has_no_validity() -> None:
+    received = tied().health(PLACE, b"", NOW)
+    assert (received.unconfirmed, received.sequence, received.age_ns, received.valid_ns) == (False, None, None, 0)
+
+
+@pytest.mark.parametrize("name", ANSWERS)
+def test_a_refused_answer_brings_no_boot(name: str) -> None:
+    assert not ANSWERS[name][0](restarted()).boot_is_new
+
+
+def test_a_judgement_cannot_be_changed() -> None:
+    with pytest.raises(FrozenInstanceError):
+        judged(tied(), health()).fresh = True  # type: ignore[misc]
+
+
+def test_before_the_first_challenge_no_boot_is_in_force() -> None:
+    assert HealthVerifier(SITE, [KEY.public], 3000).boot_id is None
+
+
+def test_before_the_first_answer_nothing_is_told() -> None:
+    verifier = HealthVerifier(SITE, [KEY.public], 3000)
+    judged(verifier, health())
+    assert verifier.memory().last == LastHealth(BOOT, 57, health().SerializeToString(), health().gps_time_ns, 0)
+
+
+@pytest.mark.parametrize("odd", [Received("", True), Received("refused", False, health=health())])
+def test_half_a_judgement_is_not_judged_again(odd: Received) -> None:
+    assert tied().again(odd, NOW) is odd
+
+
+def test_a_message_of_this_very_nanosecond_is_fresh() -> None:
+    received = judged(tied(), health(), T0)
+    assert (received.fresh, received.age_ns, received.staleness) == (True, 0, "")
+
+
+def test_age_in_milliseconds_is_the_bound() -> None:
+    assert judged(tied(), health()).age_ms == pytest.approx(5.005, abs=1e-9)
+
+
+def test_what_is_not_fresh_is_not_confirmable_whatever_it_says() -> None:
+    received = judged(tied(), health(), T0 + 4000 * MS)
+    assert (received.said, received.state) == (State.NORMAL, State.NOT_CONFIRMABLE)
+
+
+@pytest.mark.parametrize("said, read", [(pb.SATELLITE_ANOMALY, State.SATELLITE_ANOMALY), (pb.NOT_CONFIRMABLE, State.NOT_CONFIRMABLE)])
+def test_a_word_against_it_is_read_as_it_stands(said: pb.State, read: State) -> None:
+    received = judged(tied(), health(state=said, cause=pb.SPOOFING))
+    assert (received.said, received.caution) == (read, "")
+
+
+def test_it_is_from_the_future_by_so_much() -> None:
+    received = judged(tied(), health(issued_mono_ns=STATION_T0 + 1005 * MS), T0)
+    assert received.staleness == "from the future: issued 1004.0 ms from now: a clock has jumped"
 
 
 # The station answered at T0 at the earliest: after 10 ms of the train's clock, a message issued with the answer is at most
