@@ -41,7 +41,15 @@ def encode_snapshot(memory: LocaliserMemory, train: TrainConfig, track: TrackMap
         if reached is None
         else pb.Reached(place=_place(reached.place), sigma_m=reached.sigma_m, facing=reached.facing, gps_time_ns=reached.gps_time_ns),
         behind_m=memory.progress.behind_m,
-        vouched=[pb.Vouched(from_gps_ns=v.from_ns, to_gps_ns=v.to_ns, signals=sorted(v.signals)) for v in memory.vouched],
+        vouched=[
+            pb.Vouched(
+                from_gps_ns=v.from_ns,
+                to_gps_ns=v.to_ns,
+                signals=sorted(v.signals),
+                ephemeris_crc32=[v.signals[s] for s in sorted(v.signals)],
+            )
+            for v in memory.vouched
+        ],
         tie=None if tie is None else pb.ClockTie(**tie._asdict()),
         last_health=None if last is None else pb.LastHealth(**last._asdict()),
         superseded=memory.verifier.superseded,
@@ -78,7 +86,7 @@ def decode_snapshot(message: pb.TrainSnapshot, track: TrackMap) -> LocaliserMemo
         ephemerides=receivers.ephemerides,
         fixes=FixMemory(tuple(message.segment) or None, _before(message, track), message.unsolved),
         progress=ProgressMemory(_reached(message.reached) if message.HasField("reached") else None, message.behind_m),
-        vouched=tuple(Vouched(v.from_gps_ns, v.to_gps_ns, frozenset(v.signals)) for v in message.vouched),
+        vouched=tuple(_vouched(v) for v in message.vouched),
         verifier=VerifierMemory(_tie(message), _last(message), tuple(message.superseded)),
         trust=trust,
         nonces=tuple((sent.nonce, sent.mono_ns) for sent in message.nonces),
@@ -129,3 +137,10 @@ def _place(place: MapPlace) -> pb.TrackPlace:
 
 def _map_place(place: pb.TrackPlace) -> MapPlace:
     return MapPlace(place.edge, place.offset_m)
+
+
+def _vouched(message: pb.Vouched) -> Vouched:
+    """Nothing is vouched for where it does not stand with which ephemerides."""
+    told = len(message.signals) == len(message.ephemeris_crc32)
+    signals = dict(zip(message.signals, message.ephemeris_crc32, strict=True)) if told else {}
+    return Vouched(message.from_gps_ns, message.to_gps_ns, signals)

@@ -1092,14 +1092,16 @@ class Vertex(_message.Message):
     def __init__(self, receiver: _Optional[str] = ..., east_m: _Optional[float] = ..., north_m: _Optional[float] = ..., up_m: _Optional[float] = ..., satellites: _Optional[int] = ..., unsolved: _Optional[_Union[Unsolved, str]] = ...) -> None: ...
 
 class Vouched(_message.Message):
-    __slots__ = ["from_gps_ns", "signals", "to_gps_ns"]
+    __slots__ = ["ephemeris_crc32", "from_gps_ns", "signals", "to_gps_ns"]
+    EPHEMERIS_CRC32_FIELD_NUMBER: _ClassVar[int]
     FROM_GPS_NS_FIELD_NUMBER: _ClassVar[int]
     SIGNALS_FIELD_NUMBER: _ClassVar[int]
     TO_GPS_NS_FIELD_NUMBER: _ClassVar[int]
+    ephemeris_crc32: _containers.RepeatedScalarFieldContainer[int]
     from_gps_ns: int
     signals: _containers.RepeatedScalarFieldContainer[str]
     to_gps_ns: int
-    def __init__(self, from_gps_ns: _Optional[int] = ..., to_gps_ns: _Optional[int] = ..., signals: _Optional[_Iterable[str]] = ...) -> None: ...
+    def __init__(self, from_gps_ns: _Optional[int] = ..., to_gps_ns: _Optional[int] = ..., signals: _Optional[_Iterable[str]] = ..., ephemeris_crc32: _Optional[_Iterable[int]] = ...) -> None: ...
 
 class State(int, metaclass=_enum_type_wrapper.EnumTypeWrapper):
     __slots__ = []

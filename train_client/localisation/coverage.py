@@ -1,11 +1,12 @@
 """Confirm, then use: which epochs the ground has vouched for, with which signals, and which fixes still wait for that. A memory, no clock.
 
 A NORMAL message covers epochs from `covers_from_gps_ns` to `covers_to_gps_ns`, both included, and the signals that it lists as monitored,
-less those of excluded satellites. What an epoch was not covered by in time is never confirmed.
+less those of excluded satellites; each with the ephemeris that is vouched for, and no other one. What an epoch was not covered by in time
+is never confirmed.
 """
 
 from collections import deque
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from typing import Generic, NamedTuple, TypeVar
 
 from integrity.gnss.signals import satellite_of
@@ -18,11 +19,12 @@ W = TypeVar("W")
 
 
 class Vouched(NamedTuple):
-    """Epochs (GPS times, both included) and the signals that a train may use in them."""
+    """Epochs (GPS times, both included) and the signals that a train may use in them, each with the CRC-32 of the content of its
+    ephemeris."""
 
     from_ns: int
     to_ns: int
-    signals: frozenset[str]
+    signals: Mapping[str, int]
 
     def covers(self, gps_ns: int) -> bool:
         """Whether an epoch is one of these."""
@@ -35,12 +37,13 @@ def vouched_by(health: pb.Health) -> Vouched | None:
         return None
     if not health.covers_to_gps_ns <= health.gps_time_ns:
         return None
-    excluded = set(health.excluded_satellites)
-    return Vouched(
-        health.covers_from_gps_ns,
-        health.covers_to_gps_ns,
-        frozenset(signal for signal in health.monitored if satellite_of(signal) not in excluded),
-    )
+    excluded, monitored = set(health.excluded_satellites), set(health.monitored)
+    signals = {
+        of.signal: of.ephemeris_crc32
+        for of in health.monitored_signals
+        if of.signal in monitored and satellite_of(of.signal) not in excluded
+    }
+    return Vouched(health.covers_from_gps_ns, health.covers_to_gps_ns, signals)
 
 
 class Coverage(Generic[W]):

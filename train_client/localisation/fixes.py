@@ -1,6 +1,6 @@
 """One epoch of the antennas to one place of the train, or why there is none: step 4 of the main path on board."""
 
-from collections.abc import Collection, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import replace
 from math import isfinite
 from typing import NamedTuple
@@ -11,9 +11,10 @@ from integrity.assembler import AlignedEpoch
 from integrity.errors import ConfigError
 from integrity.gnss.atmosphere import Klobuchar
 from integrity.gnss.combination import ionosphere_free
+from integrity.gnss.ephemeris.content import content_crc32
 from integrity.gnss.ephemeris.states import Ephemerides, SatelliteStates, accuracy_m, satellite_states, usable
 from integrity.gnss.ephemeris.store import EphemerisStore
-from integrity.gnss.observations import ROW_ARRAYS, Bools, Ints, ObservationBlock, build_block, layout_of
+from integrity.gnss.observations import ROW_ARRAYS, Ints, ObservationBlock, build_block, layout_of
 from integrity.gnss.positioning import Expected, range_accuracy_m, range_sigma_m, state_time_ns
 from integrity.gnss.signals import MONITORED_CODES, MONITORED_SYSTEMS, TIME_SCALES, is_pair, pair_codes_of, satellite_of, time_scale_index
 from train_client.config import TrainConfig
@@ -53,6 +54,7 @@ class _Wanted(NamedTuple):
     """Which sky: of these signals at an epoch, with so many ephemerides and this ionosphere known, seen from these segments."""
 
     signals: tuple[str, ...]
+    contents: tuple[int | None, ...] | None  # CRC-32 of the ephemeris that each is to be used with, None: not at all; None: those sent last
     epoch_ns: int
     arrived: int
     klobuchar: Klobuchar | None
@@ -60,10 +62,12 @@ class _Wanted(NamedTuple):
 
 
 class _Sky(NamedTuple):
-    """What is known of an epoch before anything is measured: chosen ephemerides (1, S), states, what would be seen from the segments."""
+    """What is known of an epoch before anything is measured: ephemerides (1, S), those `sent_last` and those `chosen`, which the ground
+    vouches for; states, what would be seen from the segments."""
 
     of: _Wanted
     ephemerides: Ephemerides
+    sent_last: Ints
     chosen: Ints
     states: SatelliteStates
     sight: Expected
@@ -109,8 +113,9 @@ class FixMaker:
         """The antennas were silent: where they were before says nothing any more; which way the train faces is still so."""
         self._segment = None
 
-    def fix(self, epoch: AlignedEpoch, signals: frozenset[str] | None, mismatched: Collection[str]) -> Fix:
-        """The place in an epoch, solved with these `signals` (None: all that stand alone); satellites that are `mismatched` are never used.
+    def fix(self, epoch: AlignedEpoch, signals: Mapping[str, int] | None, mismatched: Collection[str]) -> Fix:
+        """The place in an epoch, solved with these `signals`, each by the ephemeris whose content has that CRC-32 (None: all that stand
+        alone, by the ephemerides sent last); satellites that are `mismatched` are never used.
 
         Where there are pairs among them nothing else is used: ranges with and without ionosphere have no common clock.
         """
@@ -139,26 +144,31 @@ class FixMaker:
         if self._sky is None or self._sky.of != wanted or self._sky.ephemerides is not ephemerides:
             epoch_ns = np.array([wanted.epoch_ns])
             chosen = self._store.choose([satellite_of(s) for s in wanted.signals], epoch_ns, np.array([wanted.arrived]))
+            sent_last = chosen.copy()
+            for s, crc32 in enumerate(wanted.contents or ()):
+                if crc32 is not None and (k := chosen[0, s]) >= 0 and content_crc32(ephemerides[k]) != crc32:
+                    chosen[0, s] = self._store.of_content(satellite_of(wanted.signals[s]), crc32, wanted.epoch_ns, wanted.arrived)
             states = satellite_states(ephemerides, chosen, state_time_ns(epoch_ns), wanted.signals)
             sight = sight_at(self._paths[1], np.array([wanted.segment], dtype=np.int64), states, epoch_ns, wanted.klobuchar)
-            self._sky = _Sky(wanted, ephemerides, chosen, states, sight)
+            self._sky = _Sky(wanted, ephemerides, sent_last, chosen, states, sight)
         return self._sky
 
     def _segments(self) -> tuple[int, ...]:
         """Where geometry is computed: where the antennas were last, or anywhere on the line."""
         return (0,) * len(self._train.antennas) if self._segment is None else tuple(self._segment[0].tolist())
 
-    def _seen(self, epoch: AlignedEpoch, signals: frozenset[str] | None, mismatched: Collection[str]) -> _Seen:
+    def _seen(self, epoch: AlignedEpoch, signals: Mapping[str, int] | None, mismatched: Collection[str]) -> _Seen:
         in_pairs = signals is not None and any(map(is_pair, signals))
         codes = pair_codes_of(MONITORED_SYSTEMS) if in_pairs else MONITORED_CODES
         heard = build_block(self._train.antenna_ids, [epoch.epoch_ns], [epoch.rows], layout_of(epoch.rows, codes=codes))
         block = ionosphere_free(heard) if in_pairs else heard
-        sky = self._sky_of(_Wanted(block.signals, epoch.epoch_ns, epoch.arrived, epoch.klobuchar, self._segments()))
+        contents = None if signals is None else tuple(signals.get(signal) for signal in block.signals)
+        sky = self._sky_of(_Wanted(block.signals, contents, epoch.epoch_ns, epoch.arrived, epoch.klobuchar, self._segments()))
         train = self._train
         single, pair = (train.sigma_range_m, train.sigma_range_low_m), (train.sigma_range_pair_m, train.sigma_range_pair_low_m)
         a_m, b_m = pair if in_pairs else single
         promised_m = range_accuracy_m(sky.states, accuracy_m(sky.ephemerides, sky.chosen))
-        reasons = _why_unused(block, signals, sky.chosen[0] >= 0, usable(sky.ephemerides, sky.chosen)[0], mismatched)
+        reasons = _why_unused(block, contents, sky, mismatched)
         good = np.array([not reason for reason in reasons], dtype=np.bool_)
         ranges = Ranges(
             block,
@@ -333,20 +343,22 @@ def _of_antenna(ranges: Ranges, r: int) -> Ranges:
     return ranges._replace(block=alone, sigma_m=ranges.sigma_m[0, r], used=ranges.used[0, r])
 
 
-def _why_unused(
-    block: ObservationBlock, signals: frozenset[str] | None, known: Bools, healthy: Bools, mismatched: Collection[str]
-) -> tuple[str, ...]:
+def _why_unused(block: ObservationBlock, contents: Sequence[int | None] | None, sky: _Sky, mismatched: Collection[str]) -> tuple[str, ...]:
     """Of each signal (S,), "" where it may be used: one signal a satellite."""
+    heard, vouched_for = (sky.sent_last[0] >= 0).tolist(), (sky.chosen[0] >= 0).tolist()
+    healthy = (usable(sky.ephemerides, sky.sent_last) & usable(sky.ephemerides, sky.chosen))[0].tolist()
     reasons: list[str] = []
     taken = ""
-    for signal, satellite, is_known, is_healthy in zip(block.signals, block.satellites, known.tolist(), healthy.tolist(), strict=True):
-        if signals is not None and signal not in signals:
+    for s, satellite in enumerate(block.satellites):
+        if contents is not None and contents[s] is None:
             reasons.append("not monitored by the ground, or excluded")
         elif satellite in mismatched:
             reasons.append("ephemeris_mismatch: the antennas have heard different navigation messages")
-        elif not is_known:
+        elif not heard[s]:
             reasons.append("no ephemeris that all antennas have heard")
-        elif not is_healthy:
+        elif not vouched_for[s]:
+            reasons.append("another ephemeris than the one that the ground vouches for")
+        elif not healthy[s]:
             reasons.append("unhealthy by its own message")
         elif satellite == taken:
             reasons.append("another signal of the satellite is used")

@@ -13,7 +13,7 @@ The way of an epoch, and of a message:
   c. `coverage`                 a fix stays provisional until a NORMAL message covers its epoch
 """
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from typing import NamedTuple
 
 from integrity.assembler import AlignedEpoch, Assembler, Interruption
@@ -46,7 +46,7 @@ class _Waiting(NamedTuple):
     """An epoch whose fix is provisional, and the signals that were allowed for it; None: all."""
 
     epoch: AlignedEpoch
-    signals: frozenset[str] | None
+    signals: Mapping[str, int] | None
     fix: Fix
 
 
@@ -237,7 +237,7 @@ class TrainLocaliser:
             self._coverage.wait(epoch.epoch_ns, _Waiting(epoch, signals, fix))
         return self._judged(fix, vouched is not None, epoch.mono_ns)
 
-    def _fix(self, epoch: AlignedEpoch, signals: frozenset[str] | None) -> Fix:
+    def _fix(self, epoch: AlignedEpoch, signals: Mapping[str, int] | None) -> Fix:
         return self._fixes.fix(epoch, signals, self._agreement.mismatched)
 
     def _judged(self, fix: Fix, covered: bool, mono_ns: int) -> PositionReport:

@@ -9,6 +9,7 @@ from typing import NamedTuple
 import numpy as np
 
 from integrity.gnss.ephemeris.broadcast import Ephemeris, KeplerEphemeris
+from integrity.gnss.ephemeris.content import content_crc32
 from integrity.gnss.ephemeris.states import Ephemerides
 from integrity.gnss.gps_time import NS_PER_S
 from integrity.gnss.observations import Ints
@@ -105,6 +106,17 @@ class EphemerisStore:
                 if ephemerides[sets.number[place]].issue == issue and gps_ns <= sets.end_ns[place]:
                     return sets.number[place]
         return -1
+
+    def of_content(self, satellite: str, crc32: int, gps_ns: int, arrived: int) -> int:
+        """Index into `ephemerides` of the set with that content (`content_crc32`) which may serve at a GPS time and is among the first
+        `arrived`, -1 for none; of several that differ in nothing else the one sent last."""
+        ephemerides = self.ephemerides
+        found = [
+            (ephemerides[k].transmission_ns, k)
+            for k in self._numbers.get(satellite, ())
+            if k < arrived and gps_ns <= _end_ns(ephemerides[k]) and content_crc32(ephemerides[k]) == crc32
+        ]
+        return max(found, default=(0, -1))[1]
 
     def _sets_of(self, satellite: str) -> _Sets:
         if satellite not in self._sets:

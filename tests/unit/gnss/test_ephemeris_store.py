@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from integrity.gnss.ephemeris.broadcast import Ephemeris, KeplerEphemeris
+from integrity.gnss.ephemeris.content import content_crc32
 from integrity.gnss.ephemeris.store import EphemerisStore
 from integrity.gnss.gps_time import NS_PER_S, WEEK_NS, parse_utc
 from tests.rinex_examples import EVERY_KIND, GPS_HEAD, kepler
@@ -179,3 +180,24 @@ def test_of_two_that_differ_in_what_they_promise_alone_the_worse_serves_in_any_o
     """Files that leave times of transmission out have such pairs."""
     other = replace(GPS, **worse)
     assert [serving(EphemerisStore(order)) for order in ((GPS, other), (other, GPS))] == [other, other]
+
+
+# ---- by content
+
+
+def test_the_set_of_a_content_is_found_though_another_was_sent_later() -> None:
+    assert EphemerisStore((OLD, NEW)).of_content("G05", content_crc32(OLD), TOE_NS, 2) == 0
+
+
+def test_what_has_not_arrived_is_not_found_by_its_content() -> None:
+    assert EphemerisStore((OLD, NEW)).of_content("G05", content_crc32(NEW), TOE_NS, 1) == -1
+
+
+def test_what_has_ended_is_not_found_by_its_content() -> None:
+    end_ns = OLD.toe_ns + round(OLD.fit_half_s * 1e9)
+    assert [EphemerisStore((OLD,)).of_content("G05", content_crc32(OLD), t_ns, 1) for t_ns in (end_ns, end_ns + 1)] == [0, -1]
+
+
+@pytest.mark.parametrize(("satellite", "crc32"), [("G05", 0), ("G06", content_crc32(OLD))])
+def test_what_nobody_sent_is_not_found(satellite: str, crc32: int) -> None:
+    assert EphemerisStore((OLD, NEW)).of_content(satellite, crc32, TOE_NS, 2) == -1

@@ -1,18 +1,22 @@
 """A ride on the sample line with a station beside it, all in one process: real bytes of antennas, real signed health, one clock."""
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cache
 from pathlib import Path
 
 import numpy as np
 from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PrivateKey
 
-from integrity.events import Event, RawBytes, Tick
+from integrity.events import EphemerisReceived, Event, RawBytes, Tick
+from integrity.gnss.ephemeris.content import content_crc32
+from integrity.gnss.ephemeris.store import EphemerisStore
 from integrity.gnss.gps_time import NS_PER_S, parse_utc
+from integrity.gnss.signals import satellite_of
 from integrity.messages import wayside_pb2 as pb
 from integrity.messages.key_expressions import CHALLENGE, HEALTH, site_key
 from integrity.messages.signatures import SigningKey, sign_challenge_reply, sign_health, signing_key
+from integrity.reception import Reception
 from recordings.simulate.observations import observed
 from recordings.simulate.receiver import as_bytes
 from train_client.config import TrainConfig
@@ -68,6 +72,20 @@ class Ground:
     boot: bytes = BOOT
     answers: bool = True
     sequence: int = 0
+    told: EphemerisStore = field(default_factory=EphemerisStore)  # what satellites say
+
+    def hear(self, event: EphemerisReceived) -> None:
+        """It hears the same satellites as the antennas do."""
+        self.told.add(event.ephemeris)
+
+    def known(self, gps_ns: int) -> int:
+        """How many ephemerides it goes by in an epoch."""
+        return len(self.told)
+
+    def vouched(self, signal: str, gps_ns: int) -> list[pb.MonitoredSignal]:
+        """The signal with the ephemeris that serves in an epoch, where there is one."""
+        [[k]] = self.told.choose([satellite_of(signal)], np.array([gps_ns]), np.array([self.known(gps_ns)])).tolist()
+        return [] if k < 0 else [pb.MonitoredSignal(signal=signal, ephemeris_crc32=content_crc32(self.told.ephemerides[k]))]
 
     def health(self, gps_ns: int, mono_ns: int, say: Say, number: int) -> Iterator[HealthReceived]:
         self.sequence += 1
@@ -85,6 +103,7 @@ class Ground:
         )
         message = say(number, plain)
         if message is not None:
+            message.monitored_signals.extend(of for signal in message.monitored for of in self.vouched(signal, gps_ns))
             at = site_key(self.site, HEALTH)
             yield HealthReceived(mono_ns, at, sign_health(self.key, at, message).SerializeToString())
 
@@ -109,9 +128,13 @@ def events(
 ) -> list[TrainEvent]:
     """The bytes of the antennas, a challenge each second, and health after each epoch; `mono` makes the train's clock of GPS time."""
     station = ground or Ground()
+    reception = Reception(sorted({event.receiver for event in sent if isinstance(event, RawBytes)}))
     found: list[TrainEvent] = []
     number = 0
     for event in sent:
+        for heard in reception.take(event):
+            if isinstance(heard, EphemerisReceived):
+                station.hear(heard)
         at_ns = mono(event.mono_ns)
         assert isinstance(event, RawBytes | Tick)
         found.append(replace(event, mono_ns=at_ns))

@@ -7,10 +7,10 @@ import pytest
 from integrity.messages import wayside_pb2 as pb
 from train_client.localisation.coverage import MOST_REMEMBERED, MOST_WAITING, Coverage, Vouched, vouched_by
 
-SIGNALS = frozenset({"G05.1C", "E11.1C"})
+SIGNALS = {"G05.1C": 5, "E11.1C": 11}
 
 
-def vouched(from_ns: int, to_ns: int, signals: frozenset[str] = SIGNALS) -> Vouched:
+def vouched(from_ns: int, to_ns: int, signals: dict[str, int] = SIGNALS) -> Vouched:
     return Vouched(from_ns, to_ns, signals)
 
 
@@ -45,12 +45,15 @@ def health(**changes: Any) -> pb.Health:
         "covers_from_gps_ns": 10,
         "covers_to_gps_ns": 20,
         "monitored": ["G05.1C", "G051.1C", "E11.1C"],
+        "monitored_signals": [
+            pb.MonitoredSignal(signal=signal, ephemeris_crc32=crc32) for signal, crc32 in (("G05.1C", 5), ("G051.1C", 0), ("E11.1C", 11))
+        ],
     }
     return pb.Health(**(fields | changes))
 
 
 def test_a_message_vouches_for_what_it_names() -> None:
-    assert vouched_by(health()) == Vouched(10, 20, frozenset({"G05.1C", "G051.1C", "E11.1C"}))
+    assert vouched_by(health()) == Vouched(10, 20, {"G05.1C": 5, "G051.1C": 0, "E11.1C": 11})
 
 
 def test_a_message_cannot_cover_what_comes_after_its_own_epoch() -> None:
@@ -58,7 +61,16 @@ def test_a_message_cannot_cover_what_comes_after_its_own_epoch() -> None:
 
 
 def test_an_excluded_satellite_is_not_vouched_for() -> None:
-    assert vouched_by(health(excluded_satellites=["G05", "G07"])) == Vouched(10, 20, frozenset({"G051.1C", "E11.1C"}))
+    assert vouched_by(health(excluded_satellites=["G05", "G07"])) == Vouched(10, 20, {"G051.1C": 0, "E11.1C": 11})
+
+
+def test_a_signal_without_its_ephemeris_is_not_vouched_for() -> None:
+    of_one = [pb.MonitoredSignal(signal="G05.1C", ephemeris_crc32=5)]
+    assert vouched_by(health(monitored_signals=of_one)) == Vouched(10, 20, {"G05.1C": 5})
+
+
+def test_an_ephemeris_alone_monitors_nothing() -> None:
+    assert vouched_by(health(monitored=["E11.1C"])) == Vouched(10, 20, {"E11.1C": 11})
 
 
 @pytest.mark.parametrize("missing", [["covers_from_gps_ns"], ["covers_to_gps_ns"], ["covers_from_gps_ns", "covers_to_gps_ns"]])
@@ -67,7 +79,7 @@ def test_a_message_that_does_not_say_for_which_epochs_vouches_for_none(missing: 
 
 
 def test_a_message_that_begins_with_the_beginning_of_gnss_time_does_say_so() -> None:
-    assert vouched_by(health(covers_from_gps_ns=0, monitored=[])) == Vouched(0, 20, frozenset())
+    assert vouched_by(health(covers_from_gps_ns=0, monitored=[])) == Vouched(0, 20, {})
 
 
 def test_nothing_is_covered_at_first() -> None:

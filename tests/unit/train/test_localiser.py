@@ -96,6 +96,23 @@ def test_an_excluded_satellite_is_not_used_in_the_epoch_of_the_message() -> None
     assert len(late) == EPOCHS - 10 and not any(out in {satellite_of(s) for s in fix.used} for fix in late)
 
 
+class Otherwise(Ground):
+    """Vouches for another ephemeris of one satellite than all others hear."""
+
+    def vouched(self, signal: str, gps_ns: int) -> list[pb.MonitoredSignal]:
+        found = super().vouched(signal, gps_ns)
+        for of in found:
+            of.ephemeris_crc32 ^= signal.startswith("G07")
+        return found
+
+
+def test_with_another_ephemeris_than_the_one_vouched_for_a_satellite_is_not_used() -> None:
+    reports = valid(ride(events(measured(), ground=Otherwise())))
+    assert reports and not any(signal.startswith("G07") for report in reports if report.fix for signal in report.fix.used)
+    said = {why for report in reports if report.fix for signal, why in report.fix.unused if signal.startswith("G07")}
+    assert said == {"another ephemeris than the one that the ground vouches for"}
+
+
 def test_only_monitored_signals_are_used() -> None:
     def say(number: int, plain: pb.Health) -> pb.Health:
         monitored = [signal for signal in plain.monitored if signal.startswith("G")]

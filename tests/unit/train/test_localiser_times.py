@@ -14,7 +14,7 @@ from integrity.gnss.signals import satellite_of
 from integrity.messages import wayside_pb2 as pb
 from recordings.simulate.observations import observed
 from recordings.simulate.receiver import as_bytes
-from tests.unit.train.ride import KEY, LINE, MAP, a_train, errors_m, events, positions, ride, valid
+from tests.unit.train.ride import KEY, LINE, MAP, Ground, a_train, errors_m, events, positions, ride, valid
 from train_client.config import TrainConfig
 from train_client.events import TrainEvent
 from train_client.localisation.localiser import TrainLocaliser
@@ -102,6 +102,26 @@ def in_pieces(of: Sequence[TrainEvent]) -> list[TrainEvent]:
 def test_every_epoch_is_valid_once_the_ground_is_trusted(turn: str) -> None:
     first_ns = TURNS[turn] - BEFORE_S * NS_PER_S
     assert gps_ns(valid(whole(turn))) == [first_ns + k * NS_PER_S for k in range(TRUSTED_FROM, BEFORE_S + AFTER_S)]
+
+
+LATER_NS = 8 * NS_PER_S
+
+
+class Later(Ground):
+    """Goes by what satellites say eight seconds after the train has heard it."""
+
+    def known(self, gps_ns: int) -> int:
+        self.counts = {**getattr(self, "counts", {}), gps_ns: len(self.told)}
+        return max([count for t_ns, count in self.counts.items() if t_ns <= gps_ns - LATER_NS], default=len(self.told))
+
+
+@of_every_turn
+def test_a_ground_that_goes_by_the_sets_before_for_a_while_is_followed(turn: str) -> None:
+    """With the sets that it vouches for, which the train still has: no epoch, and no satellite, is lost."""
+    with_new, with_old = (
+        valid(ride(events(measured_over(TURNS[turn]), once_a_second, ground), a_slow_train())) for ground in (None, Later())
+    )
+    assert [report.fix and report.fix.used for report in with_old] == [report.fix and report.fix.used for report in with_new]
 
 
 @of_every_turn

@@ -1,5 +1,6 @@
 """Trust, row by row from every state, and to the nanosecond at both ends of validity. Times are of the train's clock."""
 
+from dataclasses import FrozenInstanceError
 from typing import NamedTuple
 
 import pytest
@@ -152,6 +153,11 @@ def test_when_something_will_change(state: TrustState, patience_ns: int, expecte
 
 def test_before_the_first_message_nothing_will_change() -> None:
     assert next_change_ns(Trust(), LIMITS) is None
+
+
+def test_trust_cannot_be_changed() -> None:
+    with pytest.raises(FrozenInstanceError):
+        Trust().state = NORMAL  # type: ignore[misc]
 
 
 def test_it_begins_without_comms() -> None:
