@@ -88,7 +88,7 @@ def test_nothing_is_covered_at_first() -> None:
 
 @pytest.mark.parametrize("gps_ns, expected", [(10, 0), (14, 0), (15, 1), (20, 1), (25, 1), (26, None)])
 def test_of_several_messages_the_latest_counts(gps_ns: int, expected: int | None) -> None:
-    messages = (vouched(10, 20, frozenset({"G05.1C"})), vouched(15, 25, frozenset({"G07.1C"})))
+    messages = (vouched(10, 20, {"G05.1C": 5}), vouched(15, 25, {"G07.1C": 7}))
     coverage = waiting()
     for message in messages:
         coverage.vouch(message)
