@@ -27,7 +27,7 @@ from integrity.gnss.signals import TIME_SCALES, bands_of, carrier_hz
 from integrity.monitors import carrier_motion, divergence
 from integrity.monitors.carrier_motion import MotionInputs, MotionMemory, MotionStatistics
 from integrity.monitors.carrier_residuals import TrackingMemory, carrier_residual_m, code_minus_carrier_m, continuing, nature
-from integrity.monitors.common_motion import Measured, is_displaced, may_be_named
+from integrity.monitors.common_motion import Measured, named_or_moved
 from integrity.monitors.divergence import DivergenceInputs, DivergenceMemory
 from integrity.monitors.residuals import seen_by_all
 from integrity.satellites import Watched
@@ -113,14 +113,15 @@ def _of_satellites_or_all(
     towards = np.add.reduce(los[:, few], axis=2) / n
     sigma_m = np.broadcast_to(moved.sigma, moved.sigmas.shape)[:, :, 0]
     moved_m = np.add.reduce(moved.sigmas, axis=2) / n * sigma_m
-    satellite_of = np.array(part.satellites)
+    same = np.array(part.satellites)[:, None] == np.array(part.satellites)
     for c, name in enumerate(MOTION_CHECKS):
-        for e in np.flatnonzero((found[c] > design.thresholds[name]).any(axis=-1)).tolist():
-            one = slice(e, e + 1)
-            of = Measured(moved_m[c, one], towards[:, one], sigma_m[c, one], np.isfinite(moved_m[c, one]), seen.system_of, len(TIME_SCALES))
-            suspects = np.isin(satellite_of, satellite_of[found[c, e] > design.thresholds[name]])[None]
-            names[c, e] = may_be_named(of, suspects, design.log_likelihood_ratio)[0]
-            everything[c, e] = is_displaced(of, design.log_likelihood_ratio)[0]
+        exceeds = found[c] > design.thresholds[name]
+        where = np.flatnonzero(exceeds.any(axis=-1))
+        if len(where):
+            suspects = (exceeds[where][:, :, None] & same).any(axis=1)
+            at = moved_m[c, where], np.ascontiguousarray(towards[:, where]), sigma_m[c, where], np.isfinite(moved_m[c, where])
+            of = Measured(*at, seen.system_of, len(TIME_SCALES))
+            names[c, where], everything[c, where] = named_or_moved(of, suspects, design.log_likelihood_ratio)
     return names, everything
 
 

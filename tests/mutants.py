@@ -21,7 +21,7 @@ LONGEST_S = 120.0
 TESTS = {
     "train_client/trust.py": ["tests/unit/train/test_trust.py"],
     "integrity/health.py": ["tests/unit/test_health.py"],
-    "integrity/messages/verification.py": ["tests/unit/test_verification.py"],
+    "integrity/messages/verification.py": ["tests/unit/test_verification.py", "tests/unit/test_verification_freshness.py"],
     "integrity/messages/signatures.py": ["tests/unit/test_signatures.py"],
 }
 # Mutants that no test can tell from the code, each with its reason; by what changed, and the line.

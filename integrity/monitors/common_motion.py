@@ -59,13 +59,26 @@ def standing(of: Measured, but: Bools) -> Floats:
 
 def may_be_named(of: Measured, suspects: Bools, log_likelihood_ratio: float) -> Bools:
     """Epochs (E,) in which nothing but a fault of the suspects (E, S) explains what was measured."""
-    named: Bools = 0.5 * (displaced(of)[0] - standing(of, suspects)) > log_likelihood_ratio
-    return named
+    return _named(displaced(of)[0], of, suspects, log_likelihood_ratio)
 
 
 def is_displaced(of: Measured, log_likelihood_ratio: float) -> Bools:
     """Epochs (E,) in which a displacement explains everything that was measured, and nothing else does."""
+    return _moved(*displaced(of), of, log_likelihood_ratio)
+
+
+def named_or_moved(of: Measured, suspects: Bools, log_likelihood_ratio: float) -> tuple[Bools, Bools]:
+    """Both, (E,) each."""
     misfit, dof = displaced(of)
+    return _named(misfit, of, suspects, log_likelihood_ratio), _moved(misfit, dof, of, log_likelihood_ratio)
+
+
+def _named(misfit: Floats, of: Measured, suspects: Bools, log_likelihood_ratio: float) -> Bools:
+    named: Bools = 0.5 * (misfit - standing(of, suspects)) > log_likelihood_ratio
+    return named
+
+
+def _moved(misfit: Floats, dof: Ints, of: Measured, log_likelihood_ratio: float) -> Bools:
     noise = np.array([chi2_quantile(MISFIT, n) if n else 0.0 for n in dof.tolist()])
-    explained: Bools = (misfit <= noise) & (0.5 * (standing(of, np.zeros_like(of.among)) - misfit) > log_likelihood_ratio)
-    return explained
+    moved: Bools = (misfit <= noise) & (0.5 * (standing(of, np.zeros_like(of.among)) - misfit) > log_likelihood_ratio)
+    return moved
