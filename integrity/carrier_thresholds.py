@@ -82,7 +82,8 @@ def clean_for_s(check: str, recover_after_s: float) -> float:
 
     One that stepped looks clean at once, though its range stays wrong by what it moved. In an hour its residual has been looked at from
     many sides, and mostly another set serves, whose change against the old one is checked; what may remain is too small for the residual,
-    like any other error of a satellite that is used.
+    like any other error of a satellite that is used. So it is where positions are much weaker without it: there it comes back like all
+    others (`limits.most_growth`).
     """
     return max(RETURN_S, recover_after_s) if check in MOTION_CHECKS else recover_after_s
 

@@ -26,7 +26,7 @@ def evidence_of(decided: Decided, e: int, exclusions: tuple[Exclusion, ...], las
         displaced=_displaced(decided, e, limits),
         fed=decided.around.heard.fed[e] > limits["told"],
         exclusions=exclusions,
-        acute=any(x.is_acute(int(decided.sight.block.epoch_ns[e]), limits) for x in exclusions),
+        acute=tuple(x for x in exclusions if x.is_acute(int(decided.sight.block.epoch_ns[e]), limits)),
         enough_without_exclusion=bool(decided.alone.solution.n_used[e].min() >= limits.min_common_satellites),
         swapped=swapped_receivers(full.solution.e_enu_m[e], place.triangle, limits),
     )

@@ -11,7 +11,8 @@ Theory of operation. A satellite is IN (not in the table) or OUT (one `Exclusion
     OUT, not seen                             stays OUT, nothing is learnt
     OUT, residual or what is watched fails    stays OUT, the count of clean epochs starts again
     OUT, all pass                             stays OUT and is counted clean; comes back IN with the epoch that makes the count
-                                              `recover_epochs` over at least `recover_after_ns`, or an hour where its carrier moved
+                                              `recover_epochs` over at least `recover_after_ns`; or over an hour where its carrier moved
+                                              and positions are hardly weaker without it
     IN,  its constellation alone puts the     the whole constellation goes OUT, if no other one fails, its B-values pass, enough satellites
          triangle elsewhere                   remain, and what remains passes. It counts as clean when the constellation passes, all its
                                               satellites together
@@ -35,6 +36,7 @@ from integrity.limits import Limits
 from integrity.monitors.common_motion import displaced, may_be_named, standing
 from integrity.monitors.constellations import misfits
 from integrity.monitors.residuals import without_lone_satellites
+from integrity.monitors.weakening import growth_without
 from integrity.satellites import SatelliteInputs, SatelliteStatistics, Watched
 
 
@@ -49,11 +51,6 @@ class Exclusion:
     threshold: float
     clean_since_ns: int | None = None
     clean_epochs: int = 0
-
-    @property
-    def fails_now(self) -> bool:
-        """Whether it was found at fault in this very epoch, or has not been seen since it was."""
-        return self.clean_epochs == 0
 
     def is_acute(self, gps_ns: int, limits: Limits) -> bool:
         """Whether it has not been clean for as long as whatever fails must be. It may have to stay out longer."""
@@ -129,7 +126,7 @@ def _quiet(inputs: SatelliteInputs, shown: SatelliteStatistics, among: Bools, li
 
 class _Rest(NamedTuple):
     """Some epochs, from the `first` on, without the satellites that are `out`: which remain, `used` (n, S); where nothing is wrong with
-    them, `quiet` (n,); and of each that is out where it is `seen`, and where it is `clean`, (n,)."""
+    them, `quiet` (n,); and of each that is out where it is `seen`, where it is `clean`, and where it is `spared` easily, (n,)."""
 
     first: int
     out: frozenset[str]
@@ -137,6 +134,7 @@ class _Rest(NamedTuple):
     quiet: Bools
     seen: Mapping[str, Bools]
     clean: Mapping[str, Bools]
+    spared: Mapping[str, Bools]
 
     def is_of(self, table: Table, e: int) -> bool:
         """Whether an epoch is one of these, without these satellites."""
@@ -146,7 +144,9 @@ class _Rest(NamedTuple):
         """The table after an epoch."""
         k = e - self.first
         after = {
-            satellite: _seen_again(of, bool(self.clean[satellite][k]), gps_ns, limits) if self.seen[satellite][k] else of
+            satellite: _seen_again(of, bool(self.clean[satellite][k]), bool(self.spared[satellite][k]), gps_ns, limits)
+            if self.seen[satellite][k]
+            else of
             for satellite, of in table.items()
         }
         return {satellite: of for satellite, of in after.items() if of is not None}
@@ -173,6 +173,7 @@ def _without(inputs: SatelliteInputs, table: Table, satellites: tuple[str, ...],
         quiet,
         {satellite: (known & own).any(axis=-1) for satellite, own in columns.items()},
         {satellite: (known & own & ~fails).any(axis=-1) for satellite, own in columns.items()},
+        {satellite: _spared(few, used, known & own, table[satellite], limits) for satellite, own in columns.items()},
     )
 
 
@@ -215,7 +216,8 @@ def _epoch(
         clean = bool(columns) and not fails[0, columns[0]]
         if clean and exclusion.check == "constellation":
             clean = _constellation_passes(inputs, columns[0], limits)
-        kept = _seen_again(exclusion, clean, gps_ns, limits) if columns else exclusion
+        spared = _spared(inputs, used, np.isin(satellites, [satellite])[None] & inputs.screened, exclusion, limits)[0]
+        kept = _seen_again(exclusion, clean, bool(spared), gps_ns, limits) if columns else exclusion
         if kept is not None:
             after[satellite] = kept
     after |= newly
@@ -312,13 +314,23 @@ def _failing_channels(
     return tuple(channels) if inputs.statistics(used).worst_b[0] <= limits["b_value"] else ()
 
 
-def _seen_again(exclusion: Exclusion, clean: bool, gps_ns: int, limits: Limits) -> Exclusion | None:
+def _spared(inputs: SatelliteInputs, used: Bools, satellite: Bools, exclusion: Exclusion, limits: Limits) -> Bools:
+    """Epochs (E,) in which positions are hardly weaker without a satellite (E, S); asked only of those that would stay out longer."""
+    if exclusion.check not in limits.recover_after_of_ns:
+        return np.zeros(len(used), dtype=np.bool_)
+    spared: Bools = (
+        growth_without(inputs.los_enu, inputs.sigma_m, used, satellite, inputs.system_of, inputs.n_systems) <= limits.most_growth
+    )
+    return spared
+
+
+def _seen_again(exclusion: Exclusion, clean: bool, spared: bool, gps_ns: int, limits: Limits) -> Exclusion | None:
     """The entry of a satellite that is out, after it was seen once more; None when it comes back (from the next epoch on)."""
     if not clean:
         return replace(exclusion, clean_since_ns=None, clean_epochs=0)
     since_ns = gps_ns if exclusion.clean_since_ns is None else exclusion.clean_since_ns
     count = exclusion.clean_epochs + 1
-    needed_ns = limits.recover_after_of_ns.get(exclusion.check, limits.recover_after_ns)
+    needed_ns = limits.recover_after_of_ns.get(exclusion.check, limits.recover_after_ns) if spared else limits.recover_after_ns
     if count >= limits.recover_epochs and gps_ns - since_ns >= needed_ns:
         return None
     return replace(exclusion, clean_since_ns=since_ns, clean_epochs=count)

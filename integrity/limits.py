@@ -54,7 +54,8 @@ class Limits:
     same_time_ns: int  # receivers of one kind tag an epoch within a few ms of each other; own choice
     silence_ns: int
     recover_after_ns: int
-    recover_after_of_ns: Mapping[str, int]  # of a satellite that one of these checks excluded
+    recover_after_of_ns: Mapping[str, int]  # of a satellite that one of these checks excluded, and the sky can do without
+    most_growth: float  # of horizontal sigmas without a satellite: beyond, the sky cannot do without it; own choice
     recover_epochs: int
     by_name: Mapping[str, Threshold] = field(init=False)
 
@@ -126,6 +127,7 @@ def derive(site: SiteConfig, triangle: ReferenceTriangle) -> Limits:
         silence_ns=max(2 * site.epoch_interval_ns, 2 * NS_PER_S),
         recover_after_ns=round(site.integrity.recover_after_s * NS_PER_S),
         recover_after_of_ns={name: round(clean_for_s(name, site.integrity.recover_after_s) * NS_PER_S) for name in MOTION_CHECKS},
+        most_growth=1.2,
         recover_epochs=2,
     )
 

@@ -61,7 +61,7 @@ class Evidence(NamedTuple):
     displaced: bool  # all ranges, or all carriers, are those of a triangle that is dragged away
     fed: Bools  # (R,) receivers that were told of several satellites otherwise than the others
     exclusions: tuple[Exclusion, ...]
-    acute: bool  # some of them have not been clean for as long as whatever fails must be
+    acute: tuple[Exclusion, ...]  # those of them that have not been clean for as long as whatever fails must be
     enough_without_exclusion: bool  # the common set would be large enough with the excluded satellites
     swapped: str  # a permutation of the surveyed points that fits what was solved, in words
 
@@ -118,7 +118,7 @@ def full_verdict(checks: Checks, e: int, evidence: Evidence, policy: SatelliteFa
     verdict = _verdict(checks, e, cause, subjects, leading, (evidence.swapped,) if evidence.swapped else ())
     if cause not in (Cause.SATELLITE, Cause.CONSTELLATION):
         return verdict
-    first = next((x for x in evidence.exclusions if x.fails_now), evidence.exclusions[0])
+    first = (evidence.acute or evidence.exclusions)[0]
     return replace(verdict, check=first.check, statistic=first.statistic, threshold=first.threshold)
 
 
@@ -150,12 +150,11 @@ def cause_of(outcome: Mapping[str, Outcome], bad: set[str], evidence: Evidence) 
     dragged = tuple(n for n in OF_SATELLITES if outcome[n] == Outcome.FAIL)
     if shape_holds and dragged and evidence.displaced:
         return Cause.SPOOFING, (), dragged
-    to_blame = tuple(x for x in evidence.exclusions if x.fails_now) if bad else evidence.exclusions
-    if to_blame and bad <= set(circles):  # without it all fits, or the sky left is too weak
-        systems = {x.satellite[0] for x in to_blame if x.check == "constellation"}
+    if evidence.acute and bad <= set(circles):  # without it all fits, or the sky left is too weak
+        systems = {x.satellite[0] for x in evidence.acute if x.check == "constellation"}
         if systems:
             return Cause.CONSTELLATION, tuple(name for letter, name in SYSTEM_NAMES.items() if letter in systems), ("constellation",)
-        return Cause.SATELLITE, _satellites(to_blame), ("residual",)
+        return Cause.SATELLITE, _satellites(evidence.acute), ("residual",)
     if evidence.named.any():
         return Cause.RECEIVER, _chosen(evidence.receivers, evidence.named), ("shape", "shape_3d", *circles, "b_value", "slow")
     if outcome["host_time"] == Outcome.FAIL:

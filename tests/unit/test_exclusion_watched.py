@@ -5,9 +5,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from integrity.exclusion import Table, Walk, walk
+from integrity.exclusion import Exclusion, Table, Walk, walk
 from integrity.gnss.gps_time import NS_PER_S
-from integrity.gnss.observations import Floats
+from integrity.gnss.observations import Bools, Floats
 from integrity.satellites import SatelliteInputs, Watched
 from tests.unit.gnss.skies import made_sky
 from tests.unit.test_exclusion import LIMITS, RECEIVERS, SATELLITES, SYSTEM_OF, N, inputs_of, sky, with_fault
@@ -147,3 +147,43 @@ def test_a_constellation_that_one_receiver_measures_differently_is_not_at_fault(
     prefit_m = np.array(sound.prefit_m)
     prefit_m[:, receiver] = displaced.prefit_m[:, receiver]
     assert not of(displaced._replace(prefit_m=prefit_m)).table
+
+
+# ---- how long a satellite that moved stays out
+
+OUT_BY_STEP: Table = {"G03": Exclusion("G03", 0, "step", 2000.0, 6.6)}
+CLEAN_EPOCHS = LIMITS.recover_after_ns // NS_PER_S + 2  # as long as any other one is out
+
+
+def after_clean_epochs(table: Table, screened: Bools, epochs: int = CLEAN_EPOCHS) -> Table:
+    inputs = inputs_of(sky(epochs))._replace(screened=np.broadcast_to(screened, (epochs, N)))
+    return of(inputs, table, start_s=1).table
+
+
+def test_it_stays_out_where_many_others_are_there() -> None:
+    assert "G03" in after_clean_epochs(OUT_BY_STEP, np.ones((1, N), dtype=np.bool_))
+
+
+def test_any_other_one_is_back_by_then() -> None:
+    by_residual = {"G03": replace(OUT_BY_STEP["G03"], check="residual")}
+    assert not after_clean_epochs(by_residual, np.ones((1, N), dtype=np.bool_))
+
+
+FEW = np.isin(SATELLITES, ["G03", "G05", "G06", "G07", "G08"])[None]
+
+
+def test_where_positions_are_much_weaker_without_it_it_comes_back_like_any_other_one() -> None:
+    assert not after_clean_epochs(OUT_BY_STEP, FEW)
+
+
+def test_there_too_not_before() -> None:
+    assert "G03" in after_clean_epochs(OUT_BY_STEP, FEW, CLEAN_EPOCHS - 2)
+
+
+@pytest.mark.parametrize("screened", [np.ones((1, N), dtype=np.bool_), FEW])
+def test_epoch_by_epoch_it_is_the_same(screened: Bools) -> None:
+    table = OUT_BY_STEP
+    for e in range(CLEAN_EPOCHS):
+        inputs = inputs_of(sky(1))._replace(screened=screened)
+        table = of(inputs, table, start_s=1 + e).table
+    assert table == after_clean_epochs(OUT_BY_STEP, screened)

@@ -71,7 +71,7 @@ def evidence(
     collapsed: bool = False,
     exclusions: tuple[Exclusion, ...] = (),
     enough_without_exclusion: bool = False,
-    acute: bool | None = None,
+    acute: tuple[Exclusion, ...] | None = None,
     swapped: str = "",
     captured: Iterable[str] = (),
     fed: Iterable[str] = (),
@@ -87,7 +87,7 @@ def evidence(
         displaced,
         told,
         exclusions,
-        bool(exclusions) if acute is None else acute,
+        exclusions if acute is None else acute,
         enough_without_exclusion,
         swapped,
     )
@@ -307,16 +307,16 @@ LONG_CLEAN = Exclusion("G17", 0, "step", 2000.0, 6.6, clean_since_ns=10, clean_e
 
 
 def test_a_satellite_that_has_long_been_clean_stops_nothing_more() -> None:
-    assert verdict(evidence(exclusions=(LONG_CLEAN,), acute=False)) == CLEAN
+    assert verdict(evidence(exclusions=(LONG_CLEAN,), acute=())) == CLEAN
 
 
 @pytest.mark.parametrize("policy", ["stop", "exclude"])
 def test_a_satellite_that_has_long_been_clean_is_not_blamed_for_a_circle(policy: SatelliteFaultPolicy) -> None:
-    assert verdict(evidence(exclusions=(LONG_CLEAN,), acute=False), policy, circle_A=FAIL).cause is Cause.AMBIGUOUS
+    assert verdict(evidence(exclusions=(LONG_CLEAN,), acute=()), policy, circle_A=FAIL).cause is Cause.AMBIGUOUS
 
 
 def test_one_that_fails_now_is() -> None:
-    said = verdict(evidence(exclusions=(LONG_CLEAN, G21_NOW)), circle_A=FAIL)
+    said = verdict(evidence(exclusions=(LONG_CLEAN, G21_NOW), acute=(G21_NOW,)), circle_A=FAIL)
     assert (said.cause, said.subjects, said.check) == (Cause.SATELLITE, ("G21",), "residual")
 
 
