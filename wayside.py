@@ -6,6 +6,7 @@
 
 import signal
 import sys
+from types import FrameType
 
 import typer
 
@@ -40,10 +41,20 @@ app.command()(sbas)
 app.command()(solve)
 
 
+INTERRUPTED = 130
+
+
 def main() -> None:
-    """Entry point of the command `wayside`."""
-    signal.signal(signal.SIGINT, lambda *_: sys.exit(130))
-    sys.exit(run(sys.argv[1:]))
+    """Entry point of the command `wayside`. An interrupt ends it with 130, also where Python drops the exception (in an import)."""
+    interrupts = []
+
+    def end(number: int, _: FrameType | None) -> None:
+        interrupts.append(number)
+        sys.exit(INTERRUPTED)
+
+    signal.signal(signal.SIGINT, end)
+    code = run(sys.argv[1:])
+    sys.exit(INTERRUPTED if interrupts else code)
 
 
 def run(arguments: list[str]) -> int:

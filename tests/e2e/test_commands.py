@@ -1,5 +1,6 @@
 """The commands as people run them: real processes, real files."""
 
+import contextlib
 import csv
 import json
 import os
@@ -21,6 +22,7 @@ import pytest
 from typer.core import TyperCommand, TyperGroup
 from typer.main import get_command
 
+import wayside as command_line
 from recordings.reader import read_recording, salvage
 from tests.e2e.commands import (
     EPOCHS,
@@ -38,7 +40,6 @@ from tests.e2e.commands import (
     write_sound_files,
     written,
 )
-from wayside import app
 
 SAMPLES = ROOT / "recordings" / "samples"
 
@@ -217,7 +218,7 @@ def commands_of(found: object, *names: str) -> Iterator[tuple[str, TyperCommand]
         yield " ".join(names), found
 
 
-COMMANDS = dict(commands_of(get_command(app)))
+COMMANDS = dict(commands_of(get_command(command_line.app)))
 
 
 @pytest.fixture(scope="module")
@@ -349,3 +350,21 @@ def test_ctrl_c_leaves_the_file_that_was_there(interrupted: Interrupted) -> None
 
 def test_what_was_written_before_ctrl_c_can_be_saved(interrupted: Interrupted) -> None:
     assert salvage(interrupted.part).counts()["/epoch"] > 10
+
+
+def test_an_interrupt_that_python_drops_on_the_way_is_not_forgotten(monkeypatch: pytest.MonkeyPatch) -> None:
+    """What is raised by a signal while a module is imported can get lost in the import system: the command then goes on to its end."""
+
+    def dropped(_: list[str]) -> int:
+        with contextlib.suppress(SystemExit):
+            signal.raise_signal(signal.SIGINT)
+        return 0
+
+    before = signal.getsignal(signal.SIGINT)
+    monkeypatch.setattr(command_line, "run", dropped)
+    try:
+        with pytest.raises(SystemExit) as ended:
+            command_line.main()
+    finally:
+        signal.signal(signal.SIGINT, before)
+    assert ended.value.code == 130
