@@ -35,12 +35,13 @@ TRAIN_TOPICS: dict[str, type[Message]] = {
     "/health_received": pb.HealthReceived,
     "/challenge_sent": pb.ChallengeSent,
     "/challenge_answered": pb.ChallengeAnswered,
+    "/stop_released": pb.StopReleased,
     "/position": pb.TrainPosition,
 }
 TOPICS = STATION_TOPICS | TRAIN_TOPICS
 INPUTS = (  # and the bytes of receivers
     *("/observations", "/ephemeris", "/ionosphere", "/tick", "/input_lost"),
-    *("/health_received", "/challenge_sent", "/challenge_answered"),
+    *("/health_received", "/challenge_sent", "/challenge_answered", "/stop_released"),
 )
 TOPIC_OF = {message_type.DESCRIPTOR.full_name: topic for topic, message_type in TOPICS.items()}
 OF_RECEIVER = re.compile(r"/receiver/([^/]+)/(raw|fix)")

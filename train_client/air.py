@@ -1,7 +1,8 @@
 """The link of a train to the ground: dialled in a thread of its own for as long as it takes, so that nobody waits for it."""
 
 import threading
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from functools import partial
 
 from integrity.messages.key_expressions import CHALLENGE, HEALTH, site_key, train_key
 from recordings.keys import KeyDates
@@ -16,7 +17,7 @@ Take = Callable[[HealthReceived | ChallengeAnswered], None]
 
 
 class Air:
-    """Hands on what comes from one station; challenges it, and publishes positions, whenever somebody is there.
+    """Hands on what comes from the stations at some endpoints; challenges them, and publishes positions, whenever somebody is there.
 
     What names a key that does not count today is not handed on: dates need a clock, and who decides has none but its own.
     """
@@ -25,17 +26,15 @@ class Air:
         self,
         connect: Sequence[str],
         tls: TlsFiles | None,
-        dates: KeyDates,
-        station: str,
+        stations: Mapping[str, KeyDates],
         train_id: str,
         take: Take,
         say: Callable[[str], None],
     ) -> None:
         self._connect = connect
         self._tls = tls
-        self._dates = dates
+        self._stations = stations
         self._refused = ""  # said last
-        self._station = station
         self._train_id = train_id
         self._take = take
         self._say = say
@@ -48,11 +47,16 @@ class Air:
         """Begin to dial."""
         self._thread.start()
 
-    def challenge(self, nonce: bytes) -> None:
-        """Ask the station to sign a nonce; what comes back is handed on. Nobody there: nothing happens."""
+    @property
+    def sites(self) -> tuple[str, ...]:
+        """The stations."""
+        return tuple(self._stations)
+
+    def challenge(self, site: str, nonce: bytes) -> None:
+        """Ask a station to sign a nonce; what comes back is handed on. Nobody there: nothing happens."""
         link = self._link
         if link is not None:
-            link.ask(site_key(self._station, CHALLENGE), nonce, ANSWER_WITHIN_S, lambda arrival: self._answer(nonce, arrival))
+            link.ask(site_key(site, CHALLENGE), nonce, ANSWER_WITHIN_S, lambda arrival: self._answer(site, nonce, arrival))
 
     def publish(self, position: bytes) -> None:
         """Put a TrainPosition, if there is a link."""
@@ -64,12 +68,12 @@ class Air:
         self._ended.set()
         self._thread.join(STOP_WITHIN_S if self._link is not None else 0.0)
 
-    def _answer(self, nonce: bytes, arrival: Arrival) -> None:
-        if self._counts(self._dates.of_answer(arrival.data)):
-            self._take(ChallengeAnswered(arrival.mono_ns, self._station, nonce, arrival.data, arrival.error))
+    def _answer(self, site: str, nonce: bytes, arrival: Arrival) -> None:
+        if self._counts(self._stations[site].of_answer(arrival.data)):
+            self._take(ChallengeAnswered(arrival.mono_ns, site, nonce, arrival.data, arrival.error))
 
-    def _health(self, arrival: Arrival) -> None:
-        if self._counts(self._dates.of_health(arrival.data)):
+    def _health(self, dates: KeyDates, arrival: Arrival) -> None:
+        if self._counts(dates.of_health(arrival.data)):
             self._take(HealthReceived(arrival.mono_ns, arrival.key_expr, arrival.data))
 
     def _counts(self, refusal: str) -> bool:
@@ -81,7 +85,8 @@ class Air:
 
     def _run(self) -> None:
         with dial_link(self._connect, lambda: self._say(nobody_at(self._connect)), self._tls) as link:
-            link.subscribe(site_key(self._station, HEALTH), self._health)
+            for site, dates in self._stations.items():
+                link.subscribe(site_key(site, HEALTH), partial(self._health, dates))
             self._put = link.droppable(train_key(self._train_id), "wayside.v1.TrainPosition")
             self._link = link
             self._say(f"connected to {', '.join(self._connect)}")

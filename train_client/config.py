@@ -3,6 +3,7 @@
 from dataclasses import dataclass
 
 from integrity.config import Protocol
+from train_client.stop import StopLimits
 from train_client.trust import TrustLimits
 
 
@@ -38,9 +39,10 @@ class TrainConfig:
     sigma_range_low_m: float
     sigma_range_pair_m: float
     sigma_range_pair_low_m: float
-    station: str
+    stations: tuple[str, ...]
     max_valid_ms: int
     trust: TrustLimits
+    stop: StopLimits
     config_sha256: str
 
     @property

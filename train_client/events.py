@@ -34,4 +34,11 @@ class ChallengeAnswered:
     error: str = ""
 
 
-TrainEvent = RawBytes | InputLost | Tick | HealthReceived | ChallengeSent | ChallengeAnswered
+@dataclass(frozen=True)
+class StopReleased:
+    """Somebody who may do so releases a stop that is latched."""
+
+    mono_ns: int
+
+
+TrainEvent = RawBytes | InputLost | Tick | HealthReceived | ChallengeSent | ChallengeAnswered | StopReleased

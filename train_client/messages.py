@@ -13,10 +13,11 @@ from integrity.messages.inputs import decode_event as decode_common
 from integrity.messages.inputs import encode_event as encode_common
 from integrity.messages.verification import NS_PER_MS
 from train_client.config import TrainConfig
-from train_client.events import ChallengeAnswered, ChallengeSent, HealthReceived, TrainEvent
-from train_client.outputs import AntennaFix, MapPlace, PositionReport, Status
+from train_client.events import ChallengeAnswered, ChallengeSent, HealthReceived, StopReleased, TrainEvent
+from train_client.outputs import AntennaFix, MapPlace, PositionReport, StationReport, Status
+from train_client.stop import StopState
 from train_client.track.track_map import TrackMap
-from train_client.trust import TrustState
+from train_client.trust import WORST_FIRST, TrustState
 
 TRUST = {
     TrustState.NORMAL: pb.TRUST_NORMAL,
@@ -24,7 +25,9 @@ TRUST = {
     TrustState.NOT_CONFIRMABLE: pb.TRUST_NOT_CONFIRMABLE,
     TrustState.STALE: pb.TRUST_STALE,
     TrustState.NO_COMMS: pb.TRUST_NO_COMMS,
+    TrustState.CONFLICT: pb.TRUST_CONFLICT,
 }
+STOP = {StopState.NONE: pb.STOP_NONE, StopState.REQUESTED: pb.STOP_REQUESTED, StopState.LATCHED: pb.STOP_LATCHED}
 STATUS = {
     Status.UNKNOWN: pb.POSITION_UNKNOWN,
     Status.PROVISIONAL: pb.POSITION_PROVISIONAL,
@@ -41,6 +44,8 @@ def encode_event(event: TrainEvent) -> Message:
             return pb.ChallengeSent(mono_ns=event.mono_ns, site=event.site, nonce=event.nonce)
         case ChallengeAnswered():
             return pb.ChallengeAnswered(mono_ns=event.mono_ns, site=event.site, nonce=event.nonce, data=event.data, error=event.error)
+        case StopReleased():
+            return pb.StopReleased(mono_ns=event.mono_ns)
         case InputLost() | Tick():
             return encode_common(event)
         case RawBytes():
@@ -55,6 +60,8 @@ def decode_event(message: Message) -> TrainEvent:
         return ChallengeSent(message.mono_ns, message.site, message.nonce)
     if isinstance(message, pb.ChallengeAnswered):
         return ChallengeAnswered(message.mono_ns, message.site, message.nonce, message.data, message.error)
+    if isinstance(message, pb.StopReleased):
+        return StopReleased(message.mono_ns)
     event = decode_common(message)
     if isinstance(event, InputLost | Tick):
         return event
@@ -80,6 +87,7 @@ def encode_started(
 def encode_position(report: PositionReport, train: TrainConfig, track: TrackMap) -> pb.TrainPosition:
     """What a train publishes of where it is."""
     fix, confirmed = report.fix, report.last_confirmed
+    worst = _worst(report)
     message = pb.TrainPosition(
         train=train.train_id,
         sequence=report.sequence,
@@ -88,12 +96,17 @@ def encode_position(report: PositionReport, train: TrainConfig, track: TrackMap)
         reasons=report.reasons,
         facing=0 if fix is None else fix.facing,
         trust=TRUST[report.trust],
-        site=train.station,
-        health_sequence=report.health_sequence,
-        valid_for_ms=None if report.valid_for_ns is None else max(0, report.valid_for_ns) // NS_PER_MS,
+        site=worst.site,
+        health_sequence=worst.health_sequence,
+        valid_for_ms=_whole_ms(worst.valid_for_ns) if report.trust is TrustState.NORMAL else None,
+        stations=[_station(station) for station in report.stations],
+        vouching=report.vouching,
+        stop=STOP[report.stop.state],
+        stop_reasons=report.stop.reasons,
+        stop_since_mono_ns=report.stop.since_ns,
         last_confirmed=_place(None if confirmed is None else confirmed.place),
         last_confirmed_gps_ns=None if confirmed is None else confirmed.gps_time_ns,
-        refused_messages=report.refused_messages,
+        refused_messages=sum(station.refused_messages for station in report.stations),
         map_id=track.id,
         map_version=str(track.version),
         map_sha256=track.sha256,
@@ -115,6 +128,27 @@ def encode_position(report: PositionReport, train: TrainConfig, track: TrackMap)
         else:
             message.status = pb.POSITION_UNKNOWN
     return message
+
+
+def _worst(report: PositionReport) -> StationReport:
+    """The station that trust is no better than here; where all are NORMAL the one whose word runs out first."""
+    here = [station for station in report.stations if station.site in report.vouching] or report.stations
+    return min(here, key=lambda station: (WORST_FIRST.index(station.trust), station.valid_for_ns or 0))
+
+
+def _station(report: StationReport) -> pb.StationTrust:
+    return pb.StationTrust(
+        site=report.site,
+        trust=TRUST[report.trust],
+        health_sequence=report.health_sequence,
+        valid_for_ms=_whole_ms(report.valid_for_ns),
+        refused_messages=report.refused_messages,
+        security_alarm=report.security_alarm,
+    )
+
+
+def _whole_ms(left_ns: int | None) -> int | None:
+    return None if left_ns is None else max(0, left_ns) // NS_PER_MS
 
 
 def _antenna(fix: AntennaFix) -> pb.AntennaFix:

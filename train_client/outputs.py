@@ -3,6 +3,7 @@
 from dataclasses import dataclass
 from enum import Enum
 
+from train_client.stop import Stop
 from train_client.trust import TrustState
 
 
@@ -65,8 +66,23 @@ class Confirmed:
 
 
 @dataclass(frozen=True)
+class StationReport:
+    """What a train makes of one station; `valid_for_ns` is None unless its trust is NORMAL."""
+
+    site: str
+    trust: TrustState
+    health_sequence: int | None
+    valid_for_ns: int | None
+    refused_messages: int
+    security_alarm: bool
+
+
+@dataclass(frozen=True)
 class PositionReport:
-    """After each epoch, again when a provisional fix is confirmed, and when trust changes between epochs (`fix` is None)."""
+    """After each epoch, again when a provisional fix is confirmed, and when trust or stop change between epochs (`fix` is None).
+
+    `trust` is that in all stations `vouching` here together; `stations` are all that the train listens to.
+    """
 
     sequence: int
     mono_ns: int
@@ -74,17 +90,18 @@ class PositionReport:
     reasons: tuple[str, ...]
     fix: Fix | None
     trust: TrustState
-    health_sequence: int | None
-    valid_for_ns: int | None
+    vouching: tuple[str, ...]
+    stations: tuple[StationReport, ...]
+    stop: Stop
     last_confirmed: Confirmed | None
-    refused_messages: int
 
 
 @dataclass(frozen=True)
 class TrustChange:
-    """Trust has changed, and why."""
+    """Trust in one station has changed, and why."""
 
     mono_ns: int
+    site: str
     before: TrustState
     state: TrustState
     reasons: tuple[str, ...]
@@ -92,10 +109,21 @@ class TrustChange:
 
 @dataclass(frozen=True)
 class MessageRefused:
-    """A message that came as health and was not believed (INVALID), or an answer to a challenge that was not."""
+    """A message that came as health and was not believed (INVALID), or an answer to a challenge that was not. `alarm`: it raised one."""
 
     mono_ns: int
     refusal: str
+    site: str = ""
+    alarm: bool = False
 
 
-TrainOutput = PositionReport | TrustChange | MessageRefused
+@dataclass(frozen=True)
+class StopChange:
+    """A stop is asked for, or no longer; or, with `refusal`, a release came that does not count."""
+
+    mono_ns: int
+    stop: Stop
+    refusal: str = ""
+
+
+TrainOutput = PositionReport | TrustChange | MessageRefused | StopChange

@@ -56,10 +56,10 @@ def replay(contents: Contents, train: TrainFile | None, track: TrackMap | None) 
     head = started(contents)
     chosen = train or parse_train(head.train_toml, f"{contents.path}: recorded train file")
     on = track or load_map(head.map_json, f"{contents.path}: recorded map")
-    keys = [key.public_key for key in head.trusted_keys if key.site == chosen.config.station]
-    if not keys:
+    keys = {site: [key.public_key for key in head.trusted_keys if key.site == site] for site in chosen.config.stations}
+    if unknown := [site for site, of in keys.items() if not of]:
         sites = ", ".join(sorted({key.site for key in head.trusted_keys})) or "none"
-        raise ConfigError(f"{contents.path}: no key of station {chosen.config.station} was trusted then, only of {sites}")
+        raise ConfigError(f"{contents.path}: no key of station {unknown[0]} was trusted then, only of {sites}")
     same = chosen.config.config_sha256 == head.config_sha256 and on.sha256 == load_map(head.map_json, "recorded map").sha256
     localiser = TrainLocaliser(chosen.config, on, keys, _memory(contents, on) if same else None)
     positions, changes = [], []
@@ -135,7 +135,7 @@ def summary(name: str, done: Replayed) -> dict[str, Any]:
         "config_sha256": done.train.config.config_sha256,
         "positions": len(done.positions),
         "statuses": dict(sorted(Counter(word(pb.PositionStatus.Name(p.status)) for p in done.positions).items())),
-        "trust": [{"mono_ns": c.mono_ns, "state": c.state.value, "reasons": list(c.reasons)} for c in done.changes],
+        "trust": [{"mono_ns": c.mono_ns, "site": c.site, "state": c.state.value, "reasons": list(c.reasons)} for c in done.changes],
         "refused_messages": done.positions[-1].refused_messages if done.positions else 0,
         "positions_sha256": positions_sha256(done.positions),
     }
@@ -147,7 +147,7 @@ def render(name: str, done: Replayed) -> str:
     counts = ", ".join(f"{n} {status}" for status, n in told["statuses"].items())
     lines = [f"train {told['train']} on map {told['map']}: {told['positions']} positions ({counts})"]
     first_ns = done.positions[0].mono_ns if done.positions else 0
-    lines += [f"  {(c.mono_ns - first_ns) / 1e9:8.2f} s  {c.state.value:<17}  {'; '.join(c.reasons)}" for c in done.changes]
+    lines += [f"  {(c.mono_ns - first_ns) / 1e9:8.2f} s  {c.site}  {c.state.value:<17}  {'; '.join(c.reasons)}" for c in done.changes]
     return "\n".join([*lines, f"positions_sha256 {told['positions_sha256']}"]) + "\n"
 
 

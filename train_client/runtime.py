@@ -3,14 +3,14 @@
     listeners (a thread an antenna)  ->
     air (Zenoh's threads)            ->  inbox, bounded  ->  this thread: localiser  ->  air (TrainPosition), recorder, who watches
 
-One thread decides. It challenges the station each second, and puts a tick between what comes where a second has passed or a deadline of
-the localiser has: a station that is silent, frozen or dead is noticed by the train's own clock.
+One thread decides. It challenges each station every second, and puts a tick between what comes where a second has passed or a deadline of
+the localiser has: a station that is silent, frozen or dead is noticed by the train's own clock. SIGUSR1 releases a stop that is latched.
 """
 
 import gc
 import secrets
 import signal
-from collections.abc import Callable
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -27,15 +27,19 @@ from recordings.sources.inbox import Inbox
 from recordings.sources.listener import listener_of
 from recordings.tls_files import check_tls
 from train_client.air import Air
-from train_client.events import ChallengeSent, TrainEvent
+from train_client.config import TrainConfig
+from train_client.events import ChallengeSent, StopReleased, TrainEvent
 from train_client.localisation.localiser import TrainLocaliser
 from train_client.localisation.memory import LocaliserMemory
 from train_client.map_file import read_map_text
 from train_client.messages import encode_position
-from train_client.outputs import MessageRefused, PositionReport, TrainOutput, TrustChange
+from train_client.outputs import MessageRefused, PositionReport, StopChange, TrainOutput, TrustChange
 from train_client.recording import manner_of
 from train_client.snapshots import encode_snapshot
+from train_client.stop import StopState
 from train_client.track.checks import load_map
+from train_client.track.track_map import TrackMap
+from train_client.track.vouching import stations_on
 from train_client.train_file import TrainFile
 
 TICK_NS = NS_PER_S
@@ -57,45 +61,69 @@ def run_train(train: TrainFile, map_file: Path, say: Say, watch: Watch) -> int:
     map_json = read_map_text(map_file)
     track = load_map(map_json, str(map_file))
     trusted = read_trusted(train.keys_path)
-    keys = keys_of(trusted, config.station, train.keys_path)
-    dates = KeyDates(trusted[config.station])
+    keys = {site: keys_of(trusted, site, train.keys_path) for site in config.stations}
+    dates = {site: KeyDates(trusted[site]) for site in config.stations}
     check_tls(train.tls)
     sources = {name: url for name, url in train.sources.items() if url is not None}
     check_directory(train.directory)
     inbox = Inbox[TrainEvent]()
-    recorder = Recorder(train.directory, manner_of(config, train.text, map_json, {config.station: keys}), say)
-    air = Air(train.connect, train.tls, dates, config.station, config.train_id, lambda event: inbox.put_event(AIR, event), say)
+    recorder = Recorder(train.directory, manner_of(config, train.text, map_json, keys), say)
+    airs = [
+        Air(connect, train.tls, {site: dates[site] for site in sites}, config.train_id, lambda event: inbox.put_event(AIR, event), say)
+        for connect, sites in train.connect.items()
+    ]
     folder = Path(train.file).parent
     listeners = [listener_of(name, url, folder, inbox, config.epoch_interval_ns, say) for name, url in sources.items()]
-    runner = TrainRunner(TrainLocaliser(config, track, keys), inbox, air, recorder, say, watch)
+    runner = TrainRunner(TrainLocaliser(config, track, keys), inbox, airs, recorder, say, watch)
     for number in (signal.SIGTERM, signal.SIGINT):
         signal.signal(number, lambda received, _: runner.stop(received))
+    signal.signal(signal.SIGUSR1, lambda *_: runner.release())
     try:
-        air.start()
+        for air in airs:
+            air.start()
         for listener in listeners:
             listener.start()
-        say(f"train {config.train_id} on map {track.id}: trusts {len(keys)} key{'s' * (len(keys) != 1)} of {config.station}")
-        for warning in dates.warnings():
+        trusts = ", ".join(f"{len(of)} key{'s' * (len(of) != 1)} of {site}" for site, of in keys.items())
+        say(f"train {config.train_id} on map {track.id}: trusts {trusts}")
+        for warning in _warnings(config, track, dates):
             say(warning)
         runner.run(lambda: any(listener.is_alive() for listener in listeners))
     finally:
         inbox.close()
-        air.stop()
+        for air in airs:
+            air.stop()
         for listener in listeners:
             listener.stop()
         recorder.close()
     return INTERRUPTED if runner.stopped_by == signal.SIGINT else 0
 
 
+def _warnings(train: TrainConfig, track: TrackMap, dates: Mapping[str, KeyDates]) -> Iterator[str]:
+    """What may be as meant, and will stop the train some day."""
+    for of in dates.values():
+        yield from of.warnings()
+    for site in stations_on(track):
+        if site not in train.stations:
+            yield f"warning: {site} vouches for stretches of map {track.id} and is not trusted: no position is VALID there"
+
+
 class TrainRunner:
     """The thread that decides, and what it speaks to."""
 
     def __init__(
-        self, localiser: TrainLocaliser, inbox: Inbox[TrainEvent], air: Air, recorder: Recorder[TrainEvent], say: Say, watch: Watch
+        self,
+        localiser: TrainLocaliser,
+        inbox: Inbox[TrainEvent],
+        airs: Sequence[Air],
+        recorder: Recorder[TrainEvent],
+        say: Say,
+        watch: Watch,
     ) -> None:
         self._localiser = localiser
         self._inbox = inbox
-        self._air = air
+        self._airs = airs
+        self._air_of = {site: air for air in airs for site in air.sites}
+        self._shall_release = False
         self._recorder = recorder
         self._say = say
         self._watch = watch
@@ -113,6 +141,11 @@ class TrainRunner:
         self.stopped_by = signal_number
         self._inbox.wake()
 
+    def release(self) -> None:
+        """Release the stop that is latched; safe in a signal handler."""
+        self._shall_release = True
+        self._inbox.wake()
+
     def run(self, sources_alive: Callable[[], bool]) -> None:
         """Decide until stopped, or until the sources have ended and everything that they brought is decided."""
         gc.collect()
@@ -126,10 +159,14 @@ class TrainRunner:
     def _once(self, sources_alive: Callable[[], bool]) -> bool:
         """Whether to go on."""
         due_ns = self._due_ns()
-        challenge_ns = self._localiser.challenge_due_ns
+        challenge_ns, site = self._localiser.challenge_due
         event = self._inbox.take(min(due_ns, challenge_ns))
+        if self._shall_release:
+            self._shall_release = False
+            self._now_ns = max(self._now_ns, mono_now_ns())
+            self._decide(StopReleased(self._now_ns))
         if mono_now_ns() >= challenge_ns:
-            self._challenge()
+            self._challenge(site)
         if event is None or event.mono_ns > due_ns:
             self._tick(max(due_ns, self._now_ns))
         if event is not None:
@@ -156,11 +193,11 @@ class TrainRunner:
                 self._decide(InputLost(mono_ns, sender, lost))
         self._decide(tick("none", mono_ns))
 
-    def _challenge(self) -> None:
+    def _challenge(self, site: str) -> None:
         nonce = secrets.token_bytes(NONCE_BYTES)
         self._now_ns = max(self._now_ns, mono_now_ns())
-        self._decide(ChallengeSent(self._now_ns, self._localiser.train.station, nonce))
-        self._air.challenge(nonce)
+        self._decide(ChallengeSent(self._now_ns, site, nonce))
+        self._air_of[site].challenge(site, nonce)
 
     def _in_order(self, event: TrainEvent) -> TrainEvent:
         """Stamped in several threads: the clock of what is decided never steps back. A later stamp makes a message older, not younger."""
@@ -186,7 +223,8 @@ class TrainRunner:
         match output:
             case PositionReport():
                 message = encode_position(output, self._localiser.train, self._localiser.track)
-                self._air.publish(message.SerializeToString())
+                for air in self._airs:
+                    air.publish(message.SerializeToString())
                 if self._held is None:
                     self._recorder.output(message)
                 else:
@@ -196,19 +234,23 @@ class TrainRunner:
                     self._begin_recording()
                 self._watch(message)
             case TrustChange():
-                self._say(f"trust {output.state.value}: {'; '.join(output.reasons)}" if output.reasons else f"trust {output.state.value}")
+                of = f" in {output.site}" if len(self._localiser.train.stations) > 1 else ""
+                self._say(": ".join([f"trust {output.state.value}{of}", *(["; ".join(output.reasons)] if output.reasons else [])]))
+            case StopChange():
+                self._say(_stop_words(output))
             case MessageRefused():
                 self._say_refused(output)
 
     def _say_refused(self, refused: MessageRefused) -> None:
         """The first of a kind at once; of more of them, how many, every ten seconds: nobody can fill a journal from afar."""
-        kind = refused.refusal.partition(":")[0]
+        alarm = f" SECURITY ALARM: somebody else speaks in the name of {refused.site}" if refused.alarm else ""
+        kind = refused.refusal.partition(":")[0] + alarm
         said_ns, more = self._refused.get(kind, (None, 0))
         if said_ns is not None and refused.mono_ns - said_ns < SAY_AGAIN_NS:
             self._refused[kind] = (said_ns, more + 1)
             return
         self._refused[kind] = (refused.mono_ns, 0)
-        self._say(f"not believed: {refused.refusal}{f' (and {more} like it before)' if more else ''}")
+        self._say(f"not believed: {refused.refusal}{f' (and {more} like it before)' if more else ''}{alarm}")
 
     def _begin_recording(self) -> None:
         """With what was held; the clock of the file is GNSS time where it is known by now."""
@@ -227,3 +269,13 @@ class TrainRunner:
         ahead_ns = self._gps_ahead_ns
         gps_ns = gps_from_utc(tick("none", mono_ns).utc_ns) if ahead_ns is None else mono_ns + ahead_ns
         self._recorder.begin(encode_snapshot(memory, self._localiser.train, self._localiser.track, mono_ns), mono_ns, gps_ns)
+
+
+def _stop_words(change: StopChange) -> str:
+    stop = change.stop
+    if change.refusal:
+        return f"not released: {change.refusal}"
+    if stop.state is StopState.NONE:
+        return "no stop is asked for any more"
+    how = "latched until it is released (SIGUSR1)" if stop.state is StopState.LATCHED else "until a position is VALID"
+    return f"STOP is asked for, {how}: {'; '.join(stop.reasons)}"

@@ -1,5 +1,7 @@
 """The whole memory of a localiser to a message and back."""
 
+from collections.abc import Iterable
+
 from integrity.errors import DecodeError
 from integrity.messages import wayside_pb2 as pb
 from integrity.messages.ephemerides import decode_ephemeris, encode_ephemeris
@@ -8,18 +10,22 @@ from integrity.messages.snapshots import encode_snapshot as encode_station
 from integrity.messages.verification import LastHealth, Tie, VerifierMemory
 from integrity.station_monitor import Snapshot
 from integrity.stream_memory import StreamMemory
+from train_client.alarm import Alarm
 from train_client.config import TrainConfig
 from train_client.localisation.coverage import Vouched
 from train_client.localisation.fixes import FixMemory
+from train_client.localisation.ground import GroundMemory
 from train_client.localisation.memory import LocaliserMemory
 from train_client.localisation.progress import ProgressMemory, Reached
-from train_client.messages import TRUST
+from train_client.messages import STOP, TRUST
 from train_client.outputs import Confirmed, MapPlace
+from train_client.stop import Stop, StopState
 from train_client.track.network import Place
 from train_client.track.track_map import TrackMap
 from train_client.trust import Trust
 
 _TRUST_OF = {number: state for state, number in TRUST.items()}
+_STOP_OF = {number: state for state, number in STOP.items()}
 
 
 def encode_snapshot(memory: LocaliserMemory, train: TrainConfig, track: TrackMap, mono_ns: int) -> pb.TrainSnapshot:
@@ -27,7 +33,6 @@ def encode_snapshot(memory: LocaliserMemory, train: TrainConfig, track: TrackMap
     receivers = Snapshot(
         StreamMemory.empty(len(train.antennas)), reception=memory.reception, assembler=memory.assembler, ephemerides=memory.ephemerides
     )
-    tie, last = memory.verifier.tie, memory.verifier.last
     reached, before, confirmed = memory.progress.reached, memory.fixes.before, memory.confirmed
     return pb.TrainSnapshot(
         mono_ns=mono_ns,
@@ -41,27 +46,19 @@ def encode_snapshot(memory: LocaliserMemory, train: TrainConfig, track: TrackMap
         if reached is None
         else pb.Reached(place=_place(reached.place), sigma_m=reached.sigma_m, facing=reached.facing, gps_time_ns=reached.gps_time_ns),
         behind_m=memory.progress.behind_m,
-        vouched=[
-            pb.Vouched(
-                from_gps_ns=v.from_ns,
-                to_gps_ns=v.to_ns,
-                signals=sorted(v.signals),
-                ephemeris_crc32=[v.signals[s] for s in sorted(v.signals)],
-            )
-            for v in memory.vouched
-        ],
-        tie=None if tie is None else pb.ClockTie(**tie._asdict()),
-        last_health=None if last is None else pb.LastHealth(**last._asdict()),
-        superseded=memory.verifier.superseded,
-        trust=TRUST[memory.trust.state],
-        normals=memory.trust.normals,
-        valid_until_ns=memory.trust.valid_until_ns,
-        trust_sequence=memory.trust.sequence,
-        nonces=[pb.SentNonce(nonce=nonce, mono_ns=sent_ns) for nonce, sent_ns in memory.nonces],
-        challenge_at_ns=memory.challenge_at_ns,
+        stations=[_encode_station(site, of, memory.vouched.get(site, ())) for site, of in memory.grounds.items()],
+        stop=pb.StopMemory(
+            state=STOP[memory.stop.state],
+            reasons=memory.stop.reasons,
+            since_ns=memory.stop.since_ns,
+            lost_ns=memory.stop.lost_ns,
+            valid_again=memory.stop.valid_again,
+        ),
+        vouching=memory.here,
+        vouching_confirmed=memory.confirmed_by,
+        placed=memory.confirmed_by is not None,
         last_mono_ns=memory.mono_ns,
         sequence=memory.sequence,
-        refused_messages=memory.refused,
         last_confirmed=None if confirmed is None else _place(confirmed.place),
         last_confirmed_gps_ns=0 if confirmed is None else confirmed.gps_time_ns,
     )
@@ -70,6 +67,55 @@ def encode_snapshot(memory: LocaliserMemory, train: TrainConfig, track: TrackMap
 def decode_snapshot(message: pb.TrainSnapshot, track: TrackMap) -> LocaliserMemory:
     """The memory that a message records; DecodeError where it is of another map, or its parts do not fit each other."""
     receivers = decode_station(message.receivers)
+    return LocaliserMemory(
+        reception=receivers.reception,
+        told=tuple((told.antenna, decode_ephemeris(told.ephemeris)) for told in message.told),
+        assembler=receivers.assembler,
+        ephemerides=receivers.ephemerides,
+        fixes=FixMemory(tuple(message.segment) or None, _before(message, track), message.unsolved),
+        progress=ProgressMemory(_reached(message.reached) if message.HasField("reached") else None, message.behind_m),
+        grounds={of.site: _ground(of) for of in message.stations},
+        vouched={of.site: tuple(_vouched(v) for v in of.vouched) for of in message.stations},
+        here=tuple(message.vouching) if message.stations else None,
+        confirmed_by=tuple(message.vouching_confirmed) if message.placed else None,
+        stop=_stop(message.stop),
+        mono_ns=message.last_mono_ns if message.HasField("last_mono_ns") else None,
+        sequence=message.sequence,
+        confirmed=Confirmed(_map_place(message.last_confirmed), message.last_confirmed_gps_ns)
+        if message.HasField("last_confirmed")
+        else None,
+    )
+
+
+def _encode_station(site: str, memory: GroundMemory, vouched: Iterable[Vouched]) -> pb.StationMemory:
+    tie, last, trust = memory.verifier.tie, memory.verifier.last, memory.trust
+    return pb.StationMemory(
+        site=site,
+        vouched=[
+            pb.Vouched(
+                from_gps_ns=v.from_ns,
+                to_gps_ns=v.to_ns,
+                signals=sorted(v.signals),
+                ephemeris_crc32=[v.signals[s] for s in sorted(v.signals)],
+            )
+            for v in vouched
+        ],
+        tie=None if tie is None else pb.ClockTie(**tie._asdict()),
+        last_health=None if last is None else pb.LastHealth(**last._asdict()),
+        superseded=memory.verifier.superseded,
+        trust=TRUST[trust.state],
+        normals=trust.normals,
+        valid_until_ns=trust.valid_until_ns,
+        trust_sequence=trust.sequence,
+        nonces=[pb.SentNonce(nonce=nonce, mono_ns=sent_ns) for nonce, sent_ns in memory.nonces],
+        challenge_at_ns=memory.challenge_at_ns,
+        refused_messages=memory.refused,
+        alarming_mono_ns=memory.alarm.mono_ns,
+    )
+
+
+def _ground(message: pb.StationMemory) -> GroundMemory:
+    """DecodeError where its parts do not fit each other."""
     try:
         trust = Trust(
             _TRUST_OF[message.trust],
@@ -78,25 +124,25 @@ def decode_snapshot(message: pb.TrainSnapshot, track: TrackMap) -> LocaliserMemo
             message.trust_sequence if message.HasField("trust_sequence") else None,
         )
     except (KeyError, ValueError) as error:
-        raise DecodeError(f"snapshot: trust {message.trust}: {error}") from None
-    return LocaliserMemory(
-        reception=receivers.reception,
-        told=tuple((told.antenna, decode_ephemeris(told.ephemeris)) for told in message.told),
-        assembler=receivers.assembler,
-        ephemerides=receivers.ephemerides,
-        fixes=FixMemory(tuple(message.segment) or None, _before(message, track), message.unsolved),
-        progress=ProgressMemory(_reached(message.reached) if message.HasField("reached") else None, message.behind_m),
-        vouched=tuple(_vouched(v) for v in message.vouched),
+        raise DecodeError(f"snapshot: trust {message.trust} in {message.site}: {error}") from None
+    return GroundMemory(
         verifier=VerifierMemory(_tie(message), _last(message), tuple(message.superseded)),
         trust=trust,
+        alarm=Alarm(tuple(message.alarming_mono_ns)),
         nonces=tuple((sent.nonce, sent.mono_ns) for sent in message.nonces),
         challenge_at_ns=message.challenge_at_ns if message.HasField("challenge_at_ns") else None,
-        mono_ns=message.last_mono_ns if message.HasField("last_mono_ns") else None,
-        sequence=message.sequence,
         refused=message.refused_messages,
-        confirmed=Confirmed(_map_place(message.last_confirmed), message.last_confirmed_gps_ns)
-        if message.HasField("last_confirmed")
-        else None,
+    )
+
+
+def _stop(message: pb.StopMemory) -> Stop:
+    """What is not known asks for a stop."""
+    return Stop(
+        _STOP_OF.get(message.state, StopState.REQUESTED),
+        tuple(message.reasons),
+        message.since_ns if message.HasField("since_ns") else None,
+        message.lost_ns if message.HasField("lost_ns") else None,
+        message.valid_again,
     )
 
 
@@ -109,18 +155,12 @@ def _before(message: pb.TrainSnapshot, track: TrackMap) -> tuple[Place, int] | N
     return Place(index, message.first_antenna.offset_m), message.facing
 
 
-def _confirmed(message: pb.TrainSnapshot) -> Confirmed | None:
-    if not message.HasField("last_confirmed"):
-        return None
-    return Confirmed(_map_place(message.last_confirmed), message.last_confirmed_gps_ns)
-
-
-def _tie(message: pb.TrainSnapshot) -> Tie | None:
+def _tie(message: pb.StationMemory) -> Tie | None:
     tie = message.tie
     return Tie(tie.boot_id, tie.sent_mono_ns, tie.received_mono_ns, tie.issued_mono_ns) if message.HasField("tie") else None
 
 
-def _last(message: pb.TrainSnapshot) -> LastHealth | None:
+def _last(message: pb.StationMemory) -> LastHealth | None:
     last = message.last_health
     if not message.HasField("last_health"):
         return None

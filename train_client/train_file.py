@@ -6,7 +6,7 @@ from collections import Counter
 from collections.abc import Iterator
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, Literal, TypeVar
 
 from pydantic import Field
 
@@ -30,12 +30,14 @@ from recordings.site_schema import (
 from recordings.tls_files import TlsFiles, files_of
 from recordings.toml_file import ConfigProblems, Problem, TomlDocument, did_you_mean, parse_toml, read_toml
 from train_client.config import AntennaConfig, TrainConfig
+from train_client.stop import StopLimits
 from train_client.trust import TrustLimits
 
 FACING = {"increasing": 1, "decreasing": -1, "either": 0}
 # Noise and multipath of GPS L1 and L2 combined, 2.98 times those of one (IS-GPS-200, 20.3.3.3.3.3, of errors alike and independent), as if
 # all of a range's error were of that kind: on a train, between reflecting surfaces, most of it is. Measure it on yours.
 PAIR_OVER_SINGLE = 3.0
+S = TypeVar("S", bound=Section)
 Metres = Annotated[float, Field(ge=-1000, le=1000, description="metres, from -1000 to 1000")]
 
 
@@ -73,19 +75,28 @@ class AntennaSection(Section):
 
 
 class TrustSection(Section):
-    """`[trust]`: whom to believe, how often before GNSS is trusted again, and for how long at most."""
+    """`[trust]`: whom to believe, how often before GNSS is trusted again, for how long at most, and when its loss asks for a stop."""
 
     stations: Annotated[tuple[Name, ...], Field(strict=False, description='a list of site ids, such as ["kokubunji-1"]')]
     public_keys: Text = "keys/trusted.toml"
     recover_messages: Annotated[int, Field(ge=1, le=100_000, description="a whole number from 1 to 100000")] = 10
     max_valid_ms: Annotated[int, Field(ge=100, le=60_000, description="whole milliseconds, from 100 to 60000")] = 3000
     no_comms_after_s: Annotated[float, Field(ge=0, le=600, description="seconds, from 0 to 600")] = 2.0
+    stop_after_s: Annotated[float, Field(ge=0, le=600, description="seconds, from 0 to 600")] = 3.0
+    release: Literal["operator", "automatic"] = "operator"
 
 
 class PublishSection(Section):
     """`[publish]`: Zenoh endpoints of stations or routers, the first that is there."""
 
     connect: Endpoints = ("tcp/127.0.0.1:7447",)
+
+
+class StationSection(Section):
+    """`[[station]]`: one of those trusted that is not to be had at `[publish] connect`, and where it is."""
+
+    id: Name
+    connect: Endpoints
 
 
 class RecordSection(Section):
@@ -99,6 +110,7 @@ SECTIONS: dict[str, type[Section]] = {
     "antenna": AntennaSection,
     "trust": TrustSection,
     "publish": PublishSection,
+    "station": StationSection,
     "publish.tls": TlsSection,
     "record": RecordSection,
 }
@@ -106,7 +118,7 @@ SECTIONS: dict[str, type[Section]] = {
 
 @dataclass(frozen=True)
 class TrainFile:
-    """A train file that can be used. `text` is its TOML as read; paths are resolved."""
+    """A train file that can be used. `text` is its TOML as read; paths are resolved; `connect`: stations by the endpoints they are at."""
 
     file: str
     text: str
@@ -114,7 +126,7 @@ class TrainFile:
     sources: dict[str, str | None]
     map_path: Path | None
     keys_path: Path
-    connect: tuple[str, ...]
+    connect: dict[tuple[str, ...], tuple[str, ...]]
     tls: TlsFiles | None
     directory: Path
 
@@ -137,7 +149,8 @@ def resolve_train(document: TomlDocument, folder: Path) -> TrainFile:
     tls, of_tls = read_tls(document, SECTIONS)
     record, rest = read_section(document, ("record",), RecordSection, SECTIONS)
     antennas, of_antennas = _antennas(document, train.length_m)
-    problems += [*found, *more, *of_tls, *rest, *of_antennas]
+    elsewhere, of_stations = _stations(document, trust.stations)
+    problems += [*found, *more, *of_tls, *rest, *of_antennas, *of_stations]
     if tls is None:
         problems += without_certificates(document, {"connect": publish.connect})
     known = tuple(SECTIONS)
@@ -146,10 +159,6 @@ def resolve_train(document: TomlDocument, folder: Path) -> TrainFile:
         for key in document.values
         if key not in known
     ]
-    if isinstance(trust.stations, tuple | list) and len(trust.stations) != 1:
-        problems.append(
-            document.problem(("trust", "stations"), "expected exactly one station: several are not weighed against each other yet")
-        )
     if problems:
         raise ConfigProblems(problems)
     return TrainFile(
@@ -159,10 +168,46 @@ def resolve_train(document: TomlDocument, folder: Path) -> TrainFile:
         sources={antenna.id: antenna.source for antenna in antennas},
         map_path=None if train.map is None else folder / train.map,
         keys_path=folder / trust.public_keys,
-        connect=publish.connect,
+        connect=_by_endpoints(trust.stations, publish.connect, elsewhere),
         tls=files_of(tls, folder),
         directory=folder / record.directory,
     )
+
+
+def _stations(document: TomlDocument, trusted: object) -> tuple[list[StationSection], list[Problem]]:
+    """Those that have endpoints of their own, and what is wrong with these and with the list of all."""
+    problems = []
+    if isinstance(trusted, tuple | list):
+        if not trusted:
+            problems.append(document.problem(("trust", "stations"), "expected one station or more: without any nothing is ever trusted"))
+        if len(set(trusted)) < len(trusted):
+            problems.append(document.problem(("trust", "stations"), "a station stands there twice: take one of them out"))
+    tables = document.values.get("station", [])
+    if not isinstance(tables, list) or not all(isinstance(table, dict) for table in tables):
+        return [], [*problems, document.problem(("station",), "expected tables [[station]], each with id and connect")]
+    stations = []
+    for index, table in enumerate(tables):
+        station, found = _read_one(document, ("station", str(index)), table, StationSection)
+        stations.append(station)
+        problems += found
+        if not found and isinstance(trusted, tuple | list) and station.id not in trusted:
+            problems.append(document.problem(("station", str(index), "id"), "not among the stations of [trust]: add it there"))
+    for name, count in Counter(station.id for station in stations).items():
+        if count > 1 and name:
+            problems.append(document.problem(("station",), f"{count} tables are about {name!r}: write its endpoints into one list"))
+    return stations, problems
+
+
+def _by_endpoints(
+    trusted: tuple[str, ...], connect: tuple[str, ...], elsewhere: list[StationSection]
+) -> dict[tuple[str, ...], tuple[str, ...]]:
+    """One link serves all stations that are at the same endpoints."""
+    own = {station.id: station.connect for station in elsewhere}
+    links: dict[tuple[str, ...], tuple[str, ...]] = {}
+    for site in trusted:
+        at = tuple(own.get(site, connect))
+        links[at] = (*links.get(at, ()), site)
+    return links
 
 
 def _antennas(document: TomlDocument, length_m: float) -> tuple[list[AntennaSection], list[Problem]]:
@@ -171,7 +216,7 @@ def _antennas(document: TomlDocument, length_m: float) -> tuple[list[AntennaSect
         return [], [document.problem(("antenna",), "expected one table [[antenna]] or more, each with id, source, x_m and height_m")]
     antennas, problems = [], []
     for index, table in enumerate(tables):
-        antenna, found = _read_antenna(document, ("antenna", str(index)), table)
+        antenna, found = _read_one(document, ("antenna", str(index)), table, AntennaSection)
         antennas.append(antenna)
         problems += found
     problems += _places_and_sources(document, antennas, length_m)
@@ -200,10 +245,10 @@ def _places_and_sources(document: TomlDocument, antennas: list[AntennaSection], 
             yield document.problem((*at, "source"), f"antenna {antennas[other].id} has the same source: expected each with its own")
 
 
-def _read_antenna(document: TomlDocument, at: tuple[str, str], table: dict[str, Any]) -> tuple[AntennaSection, list[Problem]]:
+def _read_one(document: TomlDocument, at: tuple[str, str], table: dict[str, Any], kind: type[S]) -> tuple[S, list[Problem]]:
     """`read_section` looks tables up by name; those of an array have a number."""
     inner = TomlDocument(document.file, document.text, {at[0]: {at[1]: table}}, document.lines)
-    return read_section(inner, at, AntennaSection, SECTIONS)
+    return read_section(inner, at, kind, SECTIONS)
 
 
 def _config(train: TrainSection, antennas: list[AntennaSection], trust: TrustSection) -> TrainConfig:
@@ -218,9 +263,10 @@ def _config(train: TrainSection, antennas: list[AntennaSection], trust: TrustSec
         sigma_range_low_m=train.sigma_range_low_m,
         sigma_range_pair_m=train.sigma_range_pair_m or PAIR_OVER_SINGLE * train.sigma_range_m,
         sigma_range_pair_low_m=train.sigma_range_pair_low_m or PAIR_OVER_SINGLE * train.sigma_range_low_m,
-        station=trust.stations[0],
+        stations=tuple(trust.stations),
         max_valid_ms=trust.max_valid_ms,
         trust=TrustLimits(trust.recover_messages, round(trust.no_comms_after_s * NS_PER_S)),
+        stop=StopLimits(round(trust.stop_after_s * NS_PER_S), trust.release == "operator"),
         config_sha256="",
     )
     content = asdict(config)

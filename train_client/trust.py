@@ -9,12 +9,16 @@ nothing else changes it. One row leads to NORMAL. The clock is the train's own m
     PROVEN  a fresh NORMAL, and enough of them in a row (or already NORMAL): NORMAL
     EXPIRES the validity of the last message that counted has run out: STALE, all counted ones forgotten
     SILENT  and nothing has counted for `no_comms_after_ns` since: NO_COMMS
-    NOTHING a message that was refused (INVALID) or whose boot no challenge has confirmed, or a NORMAL that is not fresh
+    NOTHING a message that was refused (INVALID) or whose boot no challenge has confirmed, or a NORMAL that is not fresh, or one that would
+            raise trust while somebody else speaks in the station's name (`train_client.alarm`)
 
 Every message that counts carries its own end: `valid_until_ns`. A message that says "down" has one too, so that silence after it is told.
+
+That is of one station. Where several vouch for a place, all of them must: `together`. Silence of one is no assent, or who cuts the wire of
+the one that has seen something would raise trust.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from enum import Enum
 from typing import NamedTuple
@@ -31,6 +35,18 @@ class TrustState(Enum):
     NOT_CONFIRMABLE = "NOT_CONFIRMABLE"
     STALE = "STALE"
     NO_COMMS = "NO_COMMS"
+    CONFLICT = "CONFLICT"  # of several stations together only
+
+
+WORST_FIRST = (
+    TrustState.CONFLICT,
+    TrustState.SATELLITE_ANOMALY,
+    TrustState.NOT_CONFIRMABLE,
+    TrustState.NO_COMMS,
+    TrustState.STALE,
+    TrustState.NORMAL,
+)
+DENIED = WORST_FIRST[:3]  # the ground speaks, and not in favour: there is no position
 
 
 class TrustLimits(NamedTuple):
@@ -52,6 +68,15 @@ class Trust:
     def __post_init__(self) -> None:
         if self.state is TrustState.NORMAL and (self.valid_until_ns is None or self.normals < 1):
             raise ValueError("NORMAL needs a message that is valid, and its end")
+        if self.state is TrustState.CONFLICT:
+            raise ValueError("one station does not contradict itself")
+
+    @property
+    def says(self) -> TrustState | None:
+        """What the station has said last, NORMAL before that is believed too; None: it is silent."""
+        if self.normals:
+            return TrustState.NORMAL
+        return self.state if self.state in DENIED else None
 
 
 class Input(Enum):
@@ -113,10 +138,21 @@ STATE_TOLD = {
 }
 
 
-def after_message(now: Trust, received: Received, mono_ns: int, limits: TrustLimits) -> Trust:
-    """Trust after a message that was judged at `mono_ns`; first let time pass up to then (`after_time`)."""
+def together(stations: Iterable[Trust]) -> TrustState:
+    """Trust in a place that these vouch for: NORMAL only where each is, CONFLICT where they say different things, else the worst of them.
+
+    Nobody vouches: NO_COMMS.
+    """
+    trusts = list(stations)
+    if len({trust.says for trust in trusts} - {None}) > 1:
+        return TrustState.CONFLICT
+    return min((trust.state for trust in trusts), key=WORST_FIRST.index, default=TrustState.NO_COMMS)
+
+
+def after_message(now: Trust, received: Received, mono_ns: int, limits: TrustLimits, held: bool = False) -> Trust:
+    """Trust after a message that was judged at `mono_ns`; first let time pass up to then (`after_time`). `held`: it must not rise now."""
     told = _Told(STATE_TOLD[received.said], _valid_until_ns(received, mono_ns), received.sequence)
-    return TABLE[_meaning(now, received, limits)](now, told)
+    return TABLE[_meaning(now, received, limits, held)](now, told)
 
 
 def after_time(now: Trust, mono_ns: int, limits: TrustLimits) -> Trust:
@@ -131,12 +167,12 @@ def next_change_ns(now: Trust, limits: TrustLimits) -> int | None:
     return now.valid_until_ns + 1 + (limits.no_comms_after_ns if now.state is TrustState.STALE else 0)
 
 
-def _meaning(now: Trust, received: Received, limits: TrustLimits) -> Input:
+def _meaning(now: Trust, received: Received, limits: TrustLimits, held: bool) -> Input:
     if not received.verified or received.unconfirmed:
         return Input.NOTHING
     if received.said is not State.NORMAL:
         return Input.DOWN
-    if not received.fresh:
+    if not received.fresh or (held and now.state is not TrustState.NORMAL):
         return Input.NOTHING
     proven = now.state is TrustState.NORMAL or now.normals + 1 >= limits.recover_messages
     return Input.PROVEN if proven else Input.COUNTS

@@ -37,7 +37,12 @@ SELF_TEST: Cause
 SOLVED: Unsolved
 SPOOFING: Cause
 STATE_UNSPECIFIED: State
+STOP_LATCHED: StopState
+STOP_NONE: StopState
+STOP_REQUESTED: StopState
+STOP_UNSPECIFIED: StopState
 TOO_FEW_SATELLITES: Unsolved
+TRUST_CONFLICT: TrustState
 TRUST_NORMAL: TrustState
 TRUST_NOT_CONFIRMABLE: TrustState
 TRUST_NO_COMMS: TrustState
@@ -417,7 +422,7 @@ class GlonassOrbit(_message.Message):
     def __init__(self, channel: _Optional[int] = ..., x_m: _Optional[float] = ..., y_m: _Optional[float] = ..., z_m: _Optional[float] = ..., vx_mps: _Optional[float] = ..., vy_mps: _Optional[float] = ..., vz_mps: _Optional[float] = ..., ax_mps2: _Optional[float] = ..., ay_mps2: _Optional[float] = ..., az_mps2: _Optional[float] = ..., tau_n_s: _Optional[float] = ..., gamma_n: _Optional[float] = ..., delta_tau_n_s: _Optional[float] = ...) -> None: ...
 
 class Health(_message.Message):
-    __slots__ = ["boot_id", "cause", "config_sha256", "covers_from_gps_ns", "covers_to_gps_ns", "excluded_satellites", "gps_time_ns", "issued_mono_ns", "monitored", "monitored_signals", "not_monitored", "reasons", "sequence", "site", "software", "state", "subjects", "utc_ns", "valid_for_ms"]
+    __slots__ = ["boot_id", "cause", "config_sha256", "covers_from_gps_ns", "covers_to_gps_ns", "excluded_satellites", "gps_time_ns", "issued_mono_ns", "map_sha256", "monitored", "monitored_signals", "not_monitored", "reasons", "sequence", "site", "software", "state", "subjects", "utc_ns", "valid_for_ms"]
     BOOT_ID_FIELD_NUMBER: _ClassVar[int]
     CAUSE_FIELD_NUMBER: _ClassVar[int]
     CONFIG_SHA256_FIELD_NUMBER: _ClassVar[int]
@@ -426,6 +431,7 @@ class Health(_message.Message):
     EXCLUDED_SATELLITES_FIELD_NUMBER: _ClassVar[int]
     GPS_TIME_NS_FIELD_NUMBER: _ClassVar[int]
     ISSUED_MONO_NS_FIELD_NUMBER: _ClassVar[int]
+    MAP_SHA256_FIELD_NUMBER: _ClassVar[int]
     MONITORED_FIELD_NUMBER: _ClassVar[int]
     MONITORED_SIGNALS_FIELD_NUMBER: _ClassVar[int]
     NOT_MONITORED_FIELD_NUMBER: _ClassVar[int]
@@ -445,6 +451,7 @@ class Health(_message.Message):
     excluded_satellites: _containers.RepeatedScalarFieldContainer[str]
     gps_time_ns: int
     issued_mono_ns: int
+    map_sha256: _containers.RepeatedScalarFieldContainer[str]
     monitored: _containers.RepeatedScalarFieldContainer[str]
     monitored_signals: _containers.RepeatedCompositeFieldContainer[MonitoredSignal]
     not_monitored: _containers.RepeatedScalarFieldContainer[str]
@@ -456,7 +463,7 @@ class Health(_message.Message):
     subjects: _containers.RepeatedScalarFieldContainer[str]
     utc_ns: int
     valid_for_ms: int
-    def __init__(self, site: _Optional[str] = ..., boot_id: _Optional[bytes] = ..., sequence: _Optional[int] = ..., gps_time_ns: _Optional[int] = ..., utc_ns: _Optional[int] = ..., issued_mono_ns: _Optional[int] = ..., valid_for_ms: _Optional[int] = ..., state: _Optional[_Union[State, str]] = ..., cause: _Optional[_Union[Cause, str]] = ..., subjects: _Optional[_Iterable[str]] = ..., reasons: _Optional[_Iterable[str]] = ..., not_monitored: _Optional[_Iterable[str]] = ..., monitored: _Optional[_Iterable[str]] = ..., excluded_satellites: _Optional[_Iterable[str]] = ..., covers_from_gps_ns: _Optional[int] = ..., covers_to_gps_ns: _Optional[int] = ..., config_sha256: _Optional[str] = ..., software: _Optional[str] = ..., monitored_signals: _Optional[_Iterable[_Union[MonitoredSignal, _Mapping]]] = ...) -> None: ...
+    def __init__(self, site: _Optional[str] = ..., boot_id: _Optional[bytes] = ..., sequence: _Optional[int] = ..., gps_time_ns: _Optional[int] = ..., utc_ns: _Optional[int] = ..., issued_mono_ns: _Optional[int] = ..., valid_for_ms: _Optional[int] = ..., state: _Optional[_Union[State, str]] = ..., cause: _Optional[_Union[Cause, str]] = ..., subjects: _Optional[_Iterable[str]] = ..., reasons: _Optional[_Iterable[str]] = ..., not_monitored: _Optional[_Iterable[str]] = ..., monitored: _Optional[_Iterable[str]] = ..., excluded_satellites: _Optional[_Iterable[str]] = ..., covers_from_gps_ns: _Optional[int] = ..., covers_to_gps_ns: _Optional[int] = ..., config_sha256: _Optional[str] = ..., software: _Optional[str] = ..., monitored_signals: _Optional[_Iterable[_Union[MonitoredSignal, _Mapping]]] = ..., map_sha256: _Optional[_Iterable[str]] = ...) -> None: ...
 
 class HealthReceived(_message.Message):
     __slots__ = ["data", "key_expr", "mono_ns"]
@@ -883,6 +890,72 @@ class Started(_message.Message):
     software: str
     def __init__(self, site: _Optional[str] = ..., software: _Optional[str] = ..., config_sha256: _Optional[str] = ..., site_toml: _Optional[str] = ..., gps_time_ns: _Optional[int] = ..., mono_ns: _Optional[int] = ..., boot_id: _Optional[bytes] = ...) -> None: ...
 
+class StationMemory(_message.Message):
+    __slots__ = ["alarming_mono_ns", "challenge_at_ns", "last_health", "nonces", "normals", "refused_messages", "site", "superseded", "tie", "trust", "trust_sequence", "valid_until_ns", "vouched"]
+    ALARMING_MONO_NS_FIELD_NUMBER: _ClassVar[int]
+    CHALLENGE_AT_NS_FIELD_NUMBER: _ClassVar[int]
+    LAST_HEALTH_FIELD_NUMBER: _ClassVar[int]
+    NONCES_FIELD_NUMBER: _ClassVar[int]
+    NORMALS_FIELD_NUMBER: _ClassVar[int]
+    REFUSED_MESSAGES_FIELD_NUMBER: _ClassVar[int]
+    SITE_FIELD_NUMBER: _ClassVar[int]
+    SUPERSEDED_FIELD_NUMBER: _ClassVar[int]
+    TIE_FIELD_NUMBER: _ClassVar[int]
+    TRUST_FIELD_NUMBER: _ClassVar[int]
+    TRUST_SEQUENCE_FIELD_NUMBER: _ClassVar[int]
+    VALID_UNTIL_NS_FIELD_NUMBER: _ClassVar[int]
+    VOUCHED_FIELD_NUMBER: _ClassVar[int]
+    alarming_mono_ns: _containers.RepeatedScalarFieldContainer[int]
+    challenge_at_ns: int
+    last_health: LastHealth
+    nonces: _containers.RepeatedCompositeFieldContainer[SentNonce]
+    normals: int
+    refused_messages: int
+    site: str
+    superseded: _containers.RepeatedScalarFieldContainer[bytes]
+    tie: ClockTie
+    trust: TrustState
+    trust_sequence: int
+    valid_until_ns: int
+    vouched: _containers.RepeatedCompositeFieldContainer[Vouched]
+    def __init__(self, site: _Optional[str] = ..., vouched: _Optional[_Iterable[_Union[Vouched, _Mapping]]] = ..., tie: _Optional[_Union[ClockTie, _Mapping]] = ..., last_health: _Optional[_Union[LastHealth, _Mapping]] = ..., superseded: _Optional[_Iterable[bytes]] = ..., trust: _Optional[_Union[TrustState, str]] = ..., normals: _Optional[int] = ..., valid_until_ns: _Optional[int] = ..., trust_sequence: _Optional[int] = ..., nonces: _Optional[_Iterable[_Union[SentNonce, _Mapping]]] = ..., challenge_at_ns: _Optional[int] = ..., refused_messages: _Optional[int] = ..., alarming_mono_ns: _Optional[_Iterable[int]] = ...) -> None: ...
+
+class StationTrust(_message.Message):
+    __slots__ = ["health_sequence", "refused_messages", "security_alarm", "site", "trust", "valid_for_ms"]
+    HEALTH_SEQUENCE_FIELD_NUMBER: _ClassVar[int]
+    REFUSED_MESSAGES_FIELD_NUMBER: _ClassVar[int]
+    SECURITY_ALARM_FIELD_NUMBER: _ClassVar[int]
+    SITE_FIELD_NUMBER: _ClassVar[int]
+    TRUST_FIELD_NUMBER: _ClassVar[int]
+    VALID_FOR_MS_FIELD_NUMBER: _ClassVar[int]
+    health_sequence: int
+    refused_messages: int
+    security_alarm: bool
+    site: str
+    trust: TrustState
+    valid_for_ms: int
+    def __init__(self, site: _Optional[str] = ..., trust: _Optional[_Union[TrustState, str]] = ..., health_sequence: _Optional[int] = ..., valid_for_ms: _Optional[int] = ..., refused_messages: _Optional[int] = ..., security_alarm: bool = ...) -> None: ...
+
+class StopMemory(_message.Message):
+    __slots__ = ["lost_ns", "reasons", "since_ns", "state", "valid_again"]
+    LOST_NS_FIELD_NUMBER: _ClassVar[int]
+    REASONS_FIELD_NUMBER: _ClassVar[int]
+    SINCE_NS_FIELD_NUMBER: _ClassVar[int]
+    STATE_FIELD_NUMBER: _ClassVar[int]
+    VALID_AGAIN_FIELD_NUMBER: _ClassVar[int]
+    lost_ns: int
+    reasons: _containers.RepeatedScalarFieldContainer[str]
+    since_ns: int
+    state: StopState
+    valid_again: bool
+    def __init__(self, state: _Optional[_Union[StopState, str]] = ..., reasons: _Optional[_Iterable[str]] = ..., since_ns: _Optional[int] = ..., lost_ns: _Optional[int] = ..., valid_again: bool = ...) -> None: ...
+
+class StopReleased(_message.Message):
+    __slots__ = ["mono_ns"]
+    MONO_NS_FIELD_NUMBER: _ClassVar[int]
+    mono_ns: int
+    def __init__(self, mono_ns: _Optional[int] = ...) -> None: ...
+
 class StreamMemory(_message.Message):
     __slots__ = ["cn0_baseline_dbhz", "last_seen_ns", "pseudorange_m"]
     CN0_BASELINE_DBHZ_FIELD_NUMBER: _ClassVar[int]
@@ -932,7 +1005,7 @@ class TrackPlace(_message.Message):
     def __init__(self, edge: _Optional[str] = ..., offset_m: _Optional[float] = ...) -> None: ...
 
 class TrainPosition(_message.Message):
-    __slots__ = ["antennas", "config_sha256", "distance_expected_m", "distance_m", "facing", "front", "gps_time_ns", "health_sequence", "last_confirmed", "last_confirmed_gps_ns", "map_id", "map_sha256", "map_version", "mono_ns", "rear", "reasons", "refused_messages", "sequence", "sigma_m", "site", "software", "status", "train", "trust", "unused", "valid_for_ms"]
+    __slots__ = ["antennas", "config_sha256", "distance_expected_m", "distance_m", "facing", "front", "gps_time_ns", "health_sequence", "last_confirmed", "last_confirmed_gps_ns", "map_id", "map_sha256", "map_version", "mono_ns", "rear", "reasons", "refused_messages", "sequence", "sigma_m", "site", "software", "stations", "status", "stop", "stop_reasons", "stop_since_mono_ns", "train", "trust", "unused", "valid_for_ms", "vouching"]
     ANTENNAS_FIELD_NUMBER: _ClassVar[int]
     CONFIG_SHA256_FIELD_NUMBER: _ClassVar[int]
     DISTANCE_EXPECTED_M_FIELD_NUMBER: _ClassVar[int]
@@ -954,11 +1027,16 @@ class TrainPosition(_message.Message):
     SIGMA_M_FIELD_NUMBER: _ClassVar[int]
     SITE_FIELD_NUMBER: _ClassVar[int]
     SOFTWARE_FIELD_NUMBER: _ClassVar[int]
+    STATIONS_FIELD_NUMBER: _ClassVar[int]
     STATUS_FIELD_NUMBER: _ClassVar[int]
+    STOP_FIELD_NUMBER: _ClassVar[int]
+    STOP_REASONS_FIELD_NUMBER: _ClassVar[int]
+    STOP_SINCE_MONO_NS_FIELD_NUMBER: _ClassVar[int]
     TRAIN_FIELD_NUMBER: _ClassVar[int]
     TRUST_FIELD_NUMBER: _ClassVar[int]
     UNUSED_FIELD_NUMBER: _ClassVar[int]
     VALID_FOR_MS_FIELD_NUMBER: _ClassVar[int]
+    VOUCHING_FIELD_NUMBER: _ClassVar[int]
     antennas: _containers.RepeatedCompositeFieldContainer[AntennaFix]
     config_sha256: str
     distance_expected_m: float
@@ -980,15 +1058,20 @@ class TrainPosition(_message.Message):
     sigma_m: float
     site: str
     software: str
+    stations: _containers.RepeatedCompositeFieldContainer[StationTrust]
     status: PositionStatus
+    stop: StopState
+    stop_reasons: _containers.RepeatedScalarFieldContainer[str]
+    stop_since_mono_ns: int
     train: str
     trust: TrustState
     unused: _containers.RepeatedCompositeFieldContainer[UnusedSatellite]
     valid_for_ms: int
-    def __init__(self, train: _Optional[str] = ..., sequence: _Optional[int] = ..., mono_ns: _Optional[int] = ..., gps_time_ns: _Optional[int] = ..., status: _Optional[_Union[PositionStatus, str]] = ..., reasons: _Optional[_Iterable[str]] = ..., front: _Optional[_Union[TrackPlace, _Mapping]] = ..., rear: _Optional[_Union[TrackPlace, _Mapping]] = ..., sigma_m: _Optional[float] = ..., facing: _Optional[int] = ..., trust: _Optional[_Union[TrustState, str]] = ..., site: _Optional[str] = ..., health_sequence: _Optional[int] = ..., valid_for_ms: _Optional[int] = ..., antennas: _Optional[_Iterable[_Union[AntennaFix, _Mapping]]] = ..., distance_m: _Optional[float] = ..., distance_expected_m: _Optional[float] = ..., unused: _Optional[_Iterable[_Union[UnusedSatellite, _Mapping]]] = ..., last_confirmed: _Optional[_Union[TrackPlace, _Mapping]] = ..., last_confirmed_gps_ns: _Optional[int] = ..., refused_messages: _Optional[int] = ..., map_id: _Optional[str] = ..., map_version: _Optional[str] = ..., map_sha256: _Optional[str] = ..., config_sha256: _Optional[str] = ..., software: _Optional[str] = ...) -> None: ...
+    vouching: _containers.RepeatedScalarFieldContainer[str]
+    def __init__(self, train: _Optional[str] = ..., sequence: _Optional[int] = ..., mono_ns: _Optional[int] = ..., gps_time_ns: _Optional[int] = ..., status: _Optional[_Union[PositionStatus, str]] = ..., reasons: _Optional[_Iterable[str]] = ..., front: _Optional[_Union[TrackPlace, _Mapping]] = ..., rear: _Optional[_Union[TrackPlace, _Mapping]] = ..., sigma_m: _Optional[float] = ..., facing: _Optional[int] = ..., trust: _Optional[_Union[TrustState, str]] = ..., site: _Optional[str] = ..., health_sequence: _Optional[int] = ..., valid_for_ms: _Optional[int] = ..., antennas: _Optional[_Iterable[_Union[AntennaFix, _Mapping]]] = ..., distance_m: _Optional[float] = ..., distance_expected_m: _Optional[float] = ..., unused: _Optional[_Iterable[_Union[UnusedSatellite, _Mapping]]] = ..., last_confirmed: _Optional[_Union[TrackPlace, _Mapping]] = ..., last_confirmed_gps_ns: _Optional[int] = ..., refused_messages: _Optional[int] = ..., map_id: _Optional[str] = ..., map_version: _Optional[str] = ..., map_sha256: _Optional[str] = ..., config_sha256: _Optional[str] = ..., software: _Optional[str] = ..., stations: _Optional[_Iterable[_Union[StationTrust, _Mapping]]] = ..., vouching: _Optional[_Iterable[str]] = ..., stop: _Optional[_Union[StopState, str]] = ..., stop_reasons: _Optional[_Iterable[str]] = ..., stop_since_mono_ns: _Optional[int] = ...) -> None: ...
 
 class TrainSnapshot(_message.Message):
-    __slots__ = ["behind_m", "challenge_at_ns", "facing", "first_antenna", "last_confirmed", "last_confirmed_gps_ns", "last_health", "last_mono_ns", "mono_ns", "nonces", "normals", "reached", "receivers", "refused_messages", "segment", "sequence", "superseded", "tie", "told", "trust", "trust_sequence", "unsolved", "valid_until_ns", "vouched"]
+    __slots__ = ["behind_m", "challenge_at_ns", "facing", "first_antenna", "last_confirmed", "last_confirmed_gps_ns", "last_health", "last_mono_ns", "mono_ns", "nonces", "normals", "placed", "reached", "receivers", "refused_messages", "segment", "sequence", "stations", "stop", "superseded", "tie", "told", "trust", "trust_sequence", "unsolved", "valid_until_ns", "vouched", "vouching", "vouching_confirmed"]
     BEHIND_M_FIELD_NUMBER: _ClassVar[int]
     CHALLENGE_AT_NS_FIELD_NUMBER: _ClassVar[int]
     FACING_FIELD_NUMBER: _ClassVar[int]
@@ -1000,11 +1083,14 @@ class TrainSnapshot(_message.Message):
     MONO_NS_FIELD_NUMBER: _ClassVar[int]
     NONCES_FIELD_NUMBER: _ClassVar[int]
     NORMALS_FIELD_NUMBER: _ClassVar[int]
+    PLACED_FIELD_NUMBER: _ClassVar[int]
     REACHED_FIELD_NUMBER: _ClassVar[int]
     RECEIVERS_FIELD_NUMBER: _ClassVar[int]
     REFUSED_MESSAGES_FIELD_NUMBER: _ClassVar[int]
     SEGMENT_FIELD_NUMBER: _ClassVar[int]
     SEQUENCE_FIELD_NUMBER: _ClassVar[int]
+    STATIONS_FIELD_NUMBER: _ClassVar[int]
+    STOP_FIELD_NUMBER: _ClassVar[int]
     SUPERSEDED_FIELD_NUMBER: _ClassVar[int]
     TIE_FIELD_NUMBER: _ClassVar[int]
     TOLD_FIELD_NUMBER: _ClassVar[int]
@@ -1013,6 +1099,8 @@ class TrainSnapshot(_message.Message):
     UNSOLVED_FIELD_NUMBER: _ClassVar[int]
     VALID_UNTIL_NS_FIELD_NUMBER: _ClassVar[int]
     VOUCHED_FIELD_NUMBER: _ClassVar[int]
+    VOUCHING_CONFIRMED_FIELD_NUMBER: _ClassVar[int]
+    VOUCHING_FIELD_NUMBER: _ClassVar[int]
     behind_m: float
     challenge_at_ns: int
     facing: int
@@ -1024,11 +1112,14 @@ class TrainSnapshot(_message.Message):
     mono_ns: int
     nonces: _containers.RepeatedCompositeFieldContainer[SentNonce]
     normals: int
+    placed: bool
     reached: Reached
     receivers: Snapshot
     refused_messages: int
     segment: _containers.RepeatedScalarFieldContainer[int]
     sequence: int
+    stations: _containers.RepeatedCompositeFieldContainer[StationMemory]
+    stop: StopMemory
     superseded: _containers.RepeatedScalarFieldContainer[bytes]
     tie: ClockTie
     told: _containers.RepeatedCompositeFieldContainer[ToldEphemeris]
@@ -1037,7 +1128,9 @@ class TrainSnapshot(_message.Message):
     unsolved: int
     valid_until_ns: int
     vouched: _containers.RepeatedCompositeFieldContainer[Vouched]
-    def __init__(self, mono_ns: _Optional[int] = ..., receivers: _Optional[_Union[Snapshot, _Mapping]] = ..., told: _Optional[_Iterable[_Union[ToldEphemeris, _Mapping]]] = ..., segment: _Optional[_Iterable[int]] = ..., first_antenna: _Optional[_Union[TrackPlace, _Mapping]] = ..., facing: _Optional[int] = ..., unsolved: _Optional[int] = ..., reached: _Optional[_Union[Reached, _Mapping]] = ..., behind_m: _Optional[float] = ..., vouched: _Optional[_Iterable[_Union[Vouched, _Mapping]]] = ..., tie: _Optional[_Union[ClockTie, _Mapping]] = ..., last_health: _Optional[_Union[LastHealth, _Mapping]] = ..., superseded: _Optional[_Iterable[bytes]] = ..., trust: _Optional[_Union[TrustState, str]] = ..., normals: _Optional[int] = ..., valid_until_ns: _Optional[int] = ..., trust_sequence: _Optional[int] = ..., nonces: _Optional[_Iterable[_Union[SentNonce, _Mapping]]] = ..., challenge_at_ns: _Optional[int] = ..., last_mono_ns: _Optional[int] = ..., sequence: _Optional[int] = ..., refused_messages: _Optional[int] = ..., last_confirmed: _Optional[_Union[TrackPlace, _Mapping]] = ..., last_confirmed_gps_ns: _Optional[int] = ...) -> None: ...
+    vouching: _containers.RepeatedScalarFieldContainer[str]
+    vouching_confirmed: _containers.RepeatedScalarFieldContainer[str]
+    def __init__(self, mono_ns: _Optional[int] = ..., receivers: _Optional[_Union[Snapshot, _Mapping]] = ..., told: _Optional[_Iterable[_Union[ToldEphemeris, _Mapping]]] = ..., segment: _Optional[_Iterable[int]] = ..., first_antenna: _Optional[_Union[TrackPlace, _Mapping]] = ..., facing: _Optional[int] = ..., unsolved: _Optional[int] = ..., reached: _Optional[_Union[Reached, _Mapping]] = ..., behind_m: _Optional[float] = ..., vouched: _Optional[_Iterable[_Union[Vouched, _Mapping]]] = ..., tie: _Optional[_Union[ClockTie, _Mapping]] = ..., last_health: _Optional[_Union[LastHealth, _Mapping]] = ..., superseded: _Optional[_Iterable[bytes]] = ..., trust: _Optional[_Union[TrustState, str]] = ..., normals: _Optional[int] = ..., valid_until_ns: _Optional[int] = ..., trust_sequence: _Optional[int] = ..., nonces: _Optional[_Iterable[_Union[SentNonce, _Mapping]]] = ..., challenge_at_ns: _Optional[int] = ..., last_mono_ns: _Optional[int] = ..., sequence: _Optional[int] = ..., refused_messages: _Optional[int] = ..., last_confirmed: _Optional[_Union[TrackPlace, _Mapping]] = ..., last_confirmed_gps_ns: _Optional[int] = ..., stations: _Optional[_Iterable[_Union[StationMemory, _Mapping]]] = ..., stop: _Optional[_Union[StopMemory, _Mapping]] = ..., vouching: _Optional[_Iterable[str]] = ..., vouching_confirmed: _Optional[_Iterable[str]] = ..., placed: bool = ...) -> None: ...
 
 class TrainStarted(_message.Message):
     __slots__ = ["config_sha256", "gps_time_ns", "map_json", "mono_ns", "software", "train", "train_toml", "trusted_keys"]
@@ -1119,6 +1212,9 @@ class Unsolved(int, metaclass=_enum_type_wrapper.EnumTypeWrapper):
     __slots__ = []
 
 class TrustState(int, metaclass=_enum_type_wrapper.EnumTypeWrapper):
+    __slots__ = []
+
+class StopState(int, metaclass=_enum_type_wrapper.EnumTypeWrapper):
     __slots__ = []
 
 class PositionStatus(int, metaclass=_enum_type_wrapper.EnumTypeWrapper):

@@ -97,7 +97,7 @@ def forged(health: list[pb.Health]) -> Iterator[HealthReceived]:
 def record_train(path: Path, events: list[TrainEvent]) -> None:
     """What it heard and where it was; bytes of antennas are not looked at."""
     train = ride.a_train()
-    localiser = TrainLocaliser(train, ride.MAP, [ride.KEY.public])
+    localiser = TrainLocaliser(train, ride.MAP, {ride.SITE: [ride.KEY.public]})
     toml = (ride.SAMPLES / "train.toml").read_text()
     head = encode_started(train, toml, format_map(ride.MAP), {ride.SITE: (ride.KEY.public,)}, START_NS, START_NS)
     with RecordingWriter(path, SOFTWARE, START_NS, START_NS, {}, train.antenna_ids, TRAIN_TOPICS) as writer:

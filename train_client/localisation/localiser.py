@@ -8,56 +8,72 @@ The way of an epoch, and of a message:
   2. `positioning.navigation`   navigation messages count only where all antennas have heard the same
   3. `integrity.assembler`      rows of all antennas become aligned epochs; silence is noticed
   4. `fixes`                    one place along the track, or why there is none
-  a. `integrity.messages.verification`   health is believed only if signed, for this site, next of the boot that answered a challenge
-  b. `trust`                    may GNSS be used: one table
-  c. `coverage`                 a fix stays provisional until a NORMAL message covers its epoch
+  a. `ground`                   of each station: its health counts only if signed, for this site, next of the boot that answered a challenge
+  b. `trust`                    may GNSS be used: one table; of several stations the worst, and which they are the map says for each place
+  c. `coverage`                 a fix stays provisional until NORMAL messages of all of them cover its epoch
+  d. `stop`                     trust that is lost asks for a stop, until somebody releases it
 """
 
 from collections.abc import Iterable, Mapping
 from typing import NamedTuple
 
 from integrity.assembler import AlignedEpoch, Assembler, Interruption
+from integrity.errors import ConfigError
 from integrity.events import EphemerisReceived, Heard, InputLost, RawBytes, Tick
 from integrity.gnss.ephemeris.store import EphemerisStore
-from integrity.messages import wayside_pb2 as pb
-from integrity.messages.verification import HealthVerifier, Received
+from integrity.messages.key_expressions import HEALTH, site_key
 from integrity.reception import Reception
-from integrity.states import State
 from train_client.config import TrainConfig
-from train_client.events import ChallengeAnswered, ChallengeSent, HealthReceived, TrainEvent
+from train_client.events import ChallengeAnswered, ChallengeSent, HealthReceived, StopReleased, TrainEvent
 from train_client.limits import Timing, derive, silence_ns
-from train_client.localisation.coverage import Coverage, Vouched, vouched_by
+from train_client.localisation.coverage import Coverage, Signals
 from train_client.localisation.fixes import FixMaker
+from train_client.localisation.ground import Ground, Said
 from train_client.localisation.memory import LocaliserMemory
 from train_client.localisation.progress import Progress
-from train_client.outputs import Confirmed, Fix, MessageRefused, PositionReport, Status, TrainOutput, TrustChange
+from train_client.outputs import (
+    Confirmed,
+    Fix,
+    MessageRefused,
+    PositionReport,
+    StationReport,
+    Status,
+    StopChange,
+    TrainOutput,
+    TrustChange,
+)
 from train_client.positioning.navigation import NavigationAgreement
+from train_client.stop import after_moment, after_valid, due_ns, released
 from train_client.track.track_map import TrackMap
-from train_client.trust import Trust, TrustState, after_message, after_time, next_change_ns
+from train_client.track.vouching import stations_at, stations_on
+from train_client.trust import DENIED, Trust, TrustState, together
 
-CHALLENGE_EVERY_NS = 1_000_000_000
-CHALLENGE_PAUSE_NS = 100_000_000  # at least this between two: replayed messages must not make us ask without end
-MOST_NONCES = 16  # not answered yet
-SHOWN_CHARACTERS = 200  # of words from the network that nobody has signed
-DENIED = (TrustState.SATELLITE_ANOMALY, TrustState.NOT_CONFIRMABLE)
+MOST_SOLUTIONS = 3  # of an epoch: the place names the stations, they name the signals, and these the place
 
 
-class _Waiting(NamedTuple):
-    """An epoch whose fix is provisional, and the signals that were allowed for it; None: all."""
+class _Placed(NamedTuple):
+    """A fix, the signals that were allowed for it (None: all), and the stations whose word counts there, or why nobody's does."""
 
     epoch: AlignedEpoch
-    signals: Mapping[str, int] | None
     fix: Fix
+    signals: Signals | None
+    sites: tuple[str, ...]
+    why_none: str
 
 
 class TrainLocaliser:
-    """Decides for one train. `keys` are the raw public keys trusted for its station."""
+    """Decides for one train. `keys` are the raw public keys trusted for each of its stations, by site.
 
-    def __init__(self, train: TrainConfig, track: TrackMap, keys: Iterable[bytes], memory: LocaliserMemory | None = None) -> None:
+    Raises ConfigError where a station of the train vouches for nothing on the map.
+    """
+
+    def __init__(
+        self, train: TrainConfig, track: TrackMap, keys: Mapping[str, Iterable[bytes]], memory: LocaliserMemory | None = None
+    ) -> None:
         start = memory or LocaliserMemory()
         self.train = train
         self.track = track
-        self._keys = tuple(keys)
+        _refuse_unmapped(train, track)
         limits = derive()
         timing = Timing(limits.alignment_tolerance_ns, limits.alignment_tolerance_ns, silence_ns(train.epoch_interval_ns))
         self._store = EphemerisStore(start.ephemerides)
@@ -66,18 +82,19 @@ class TrainLocaliser:
         self._assembler = Assembler(train.antenna_ids, train.epoch_interval_ns, timing, start.assembler, self._store)
         self._fixes = FixMaker(train, track, self._store, limits, start.fixes)
         self._progress = Progress(train, track, start.progress)
-        self._verifier = HealthVerifier(train.station, self._keys, train.max_valid_ms, start.verifier)
-        self._trust = start.trust
-        self._coverage: Coverage[_Waiting] = Coverage(start.vouched)
-        self._nonces = dict(start.nonces)  # to when they were sent
-        self._challenge_at_ns = start.challenge_at_ns
+        self._grounds = {site: Ground(site, keys.get(site, ()), train, track.sha256, start.grounds.get(site)) for site in train.stations}
+        self._speaks_at = {site_key(site, HEALTH): ground for site, ground in self._grounds.items()}
+        self._coverage: Coverage[_Placed] = Coverage({site: start.vouched.get(site, ()) for site in train.stations})
+        self._here = train.stations if start.here is None else start.here
+        self._confirmed_by = start.confirmed_by
+        self._stop = start.stop
         self._mono_ns = start.mono_ns
         self._sequence = start.sequence
-        self._refused = start.refused
         self._confirmed = start.confirmed
 
     def snapshot(self) -> LocaliserMemory:
         """The whole memory, as values. Fixes that wait for their confirmation are let go: they stay provisional."""
+        self._coverage.let_go()
         return LocaliserMemory(
             reception=self._reception.memories(),
             told=self._agreement.memory(),
@@ -85,14 +102,13 @@ class TrainLocaliser:
             ephemerides=tuple(self._store.ephemerides),
             fixes=self._fixes.memory(),
             progress=self._progress.memory(),
-            vouched=self._coverage.vouched(),
-            verifier=self._verifier.memory(),
-            trust=self._trust,
-            nonces=tuple(self._nonces.items()),
-            challenge_at_ns=self._challenge_at_ns,
+            grounds={site: ground.memory() for site, ground in self._grounds.items()},
+            vouched={site: self._coverage.vouched(site) for site in self._grounds},
+            here=self._here,
+            confirmed_by=self._confirmed_by,
+            stop=self._stop,
             mono_ns=self._mono_ns,
             sequence=self._sequence,
-            refused=self._refused,
             confirmed=self._confirmed,
         )
 
@@ -107,22 +123,27 @@ class TrainLocaliser:
 
     @property
     def next_deadline_ns(self) -> int | None:
-        """Monotonic time at which the shell should send a tick: trust runs out, or a stream falls silent."""
+        """Monotonic time at which the shell should send a tick: trust runs out, a stop is due, or a stream falls silent."""
         silent_ns = self._assembler.deadline_ns
-        times = [next_change_ns(self._trust, self.train.trust), None if silent_ns is None else silent_ns + 1]
+        times = [
+            *(ground.next_change_ns for ground in self._grounds.values()),
+            due_ns(self._stop, self.train.stop),
+            None if silent_ns is None else silent_ns + 1,
+        ]
         return min((t for t in times if t is not None), default=None)
 
     @property
-    def challenge_due_ns(self) -> int:
-        """Monotonic time at which the shell should challenge the station."""
-        return self._challenge_at_ns or 0
+    def challenge_due(self) -> tuple[int, str]:
+        """Monotonic time at which the shell should challenge a station next, and which."""
+        return min((ground.challenge_due_ns, site) for site, ground in self._grounds.items())
 
     @property
     def trust(self) -> TrustState:
-        """As of the last event."""
-        return self._trust.state
+        """As of the last event, where the train is."""
+        return together(self._trust_in(site) for site in self._here)
 
     def _event(self, event: TrainEvent) -> list[TrainOutput]:
+        stop_before = self._stop.state
         outputs = self._time_passes(event.mono_ns)
         match event:
             case HealthReceived():
@@ -131,77 +152,86 @@ class TrainLocaliser:
                 self._challenged(event)
             case ChallengeAnswered():
                 outputs += self._answered(event)
+            case StopReleased():
+                outputs += self._released(event)
             case RawBytes() | InputLost() | Tick():
                 outputs += self._receivers(event)
-        return outputs
+        self._stop_moves(event.mono_ns)
+        return outputs if self._stop.state is stop_before else outputs + self._stop_told(outputs, event.mono_ns)
 
     # ---- the ground
 
     def _time_passes(self, mono_ns: int) -> list[TrainOutput]:
+        trust_before = self.trust
         before_ns, self._mono_ns = self._mono_ns, mono_ns
-        if before_ns is not None and mono_ns < before_ns:
-            self._verifier = HealthVerifier(self.train.station, self._keys, self.train.max_valid_ms)
-            self._nonces.clear()
-            self._challenge_at_ns = mono_ns
-            return self._changed(Trust(), mono_ns, (f"the train's clock stepped back by {(before_ns - mono_ns) / 1e9:.3f} s",))
-        trust = after_time(self._trust, mono_ns, self.train.trust)
-        why = "the last message is valid no longer" if trust.state is TrustState.STALE else "nothing that counts comes from the ground"
-        return self._changed(trust, mono_ns, (why,))
+        outputs: list[TrainOutput] = []
+        for ground in self._grounds.values():
+            before = ground.trust
+            if before_ns is not None and mono_ns < before_ns:
+                said = ground.forget(mono_ns, f"the train's clock stepped back by {(before_ns - mono_ns) / 1e9:.3f} s")
+            else:
+                said = ground.time_passes(mono_ns)
+            outputs += self._said(ground, before, said, mono_ns)
+        return outputs + self._if_lost(trust_before, outputs, mono_ns)
 
     def _health(self, event: HealthReceived) -> list[TrainOutput]:
-        received = self._verifier.health(event.key_expr, event.data, event.mono_ns)
-        if received.unconfirmed:
-            self._challenge_soon()
-        if not received.verified:
-            return self._refusal(event.mono_ns, received.refusal)
-        trust = after_message(self._trust, received, event.mono_ns, self.train.trust)
-        outputs = self._changed(trust, event.mono_ns, _reasons(received))
-        health = received.health
-        if health is None or trust.state is not TrustState.NORMAL or not received.fresh or received.said is not State.NORMAL:
-            return outputs
-        vouched = vouched_by(health)
-        return outputs if vouched is None else [*outputs, *self._confirmations(vouched, event.mono_ns)]
-
-    def _confirmations(self, vouched: Vouched, mono_ns: int) -> list[TrainOutput]:
-        """What waited for this: solved again where other signals may be used than were."""
-        waited = self._coverage.vouch(vouched)
-        fixes = [w.fix if w.signals == vouched.signals else self._fix(w.epoch, vouched.signals) for w in waited]
-        return [self._judged(fix, True, mono_ns) for fix in fixes]
+        ground = self._speaks_at.get(event.key_expr)
+        if ground is None:
+            places = " or ".join(self._speaks_at)
+            return [MessageRefused(event.mono_ns, f"wrong place: came at {event.key_expr}, expected at {places}")]
+        trust_before, before = self.trust, ground.trust
+        outputs = self._said(ground, before, ground.health(event), event.mono_ns)
+        return outputs + self._if_lost(trust_before, outputs, event.mono_ns)
 
     def _challenged(self, event: ChallengeSent) -> None:
-        self._challenge_at_ns = event.mono_ns + CHALLENGE_EVERY_NS
-        self._nonces[event.nonce] = event.mono_ns
-        while len(self._nonces) > MOST_NONCES:
-            del self._nonces[next(iter(self._nonces))]
+        if ground := self._grounds.get(event.site):
+            ground.challenged(event)
 
     def _answered(self, event: ChallengeAnswered) -> list[TrainOutput]:
-        sent_ns = self._nonces.get(event.nonce)
-        if event.error or sent_ns is None:
-            error = repr(event.error[:SHOWN_CHARACTERS]) if event.error else "an answer to a nonce that was not asked"
-            return self._refusal(event.mono_ns, f"challenge: {error}")
-        answer = self._verifier.challenge_answered(event.nonce, sent_ns, event.mono_ns, event.data)
-        return self._refusal(event.mono_ns, f"challenge: {answer.refusal}") if answer.refusal else []
+        ground = self._grounds.get(event.site)
+        return [] if ground is None else self._said(ground, ground.trust, ground.answered(event), event.mono_ns)
 
-    def _refusal(self, mono_ns: int, refusal: str) -> list[TrainOutput]:
-        self._refused += not refusal.startswith("repeated")  # a copy of the last message is no attack: it may have come twice
-        return [MessageRefused(mono_ns, refusal)]
+    def _said(self, ground: Ground, before: Trust, said: Said, mono_ns: int) -> list[TrainOutput]:
+        """What a station said, or its silence, changes."""
+        if said.refusal:
+            return [MessageRefused(mono_ns, said.refusal, ground.site, ground.is_alarmed(mono_ns))]
+        if said.trust.state is not TrustState.NORMAL and said.trust != before:
+            self._coverage.forget(ground.site)
+        changed = said.trust.state is not before.state
+        outputs: list[TrainOutput] = [TrustChange(mono_ns, ground.site, before.state, said.trust.state, said.reasons)] if changed else []
+        if said.vouched is not None:
+            outputs += [self._confirmed_or_not(waited, mono_ns) for waited in self._coverage.vouch(ground.site, said.vouched)]
+        return outputs
 
-    def _challenge_soon(self) -> None:
-        if self._challenge_at_ns is not None:
-            last_ns = self._challenge_at_ns - CHALLENGE_EVERY_NS
-            self._challenge_at_ns = min(self._challenge_at_ns, last_ns + CHALLENGE_PAUSE_NS)
+    def _confirmed_or_not(self, waited: _Placed, mono_ns: int) -> PositionReport:
+        """What waited for the last of its stations: solved again where other signals may be used than were."""
+        same = waited.signals == self._coverage.of(waited.epoch.epoch_ns, waited.sites)
+        return self._judged(waited if same else self._place(waited.epoch, waited.sites), mono_ns)
 
-    def _changed(self, trust: Trust, mono_ns: int, reasons: tuple[str, ...]) -> list[TrainOutput]:
-        """Remember trust; where its state has changed, say so, and that there is no position until the next epoch."""
-        before, self._trust = self._trust, trust
-        if trust.state is not TrustState.NORMAL and trust != before:
-            self._coverage.forget()
-        if trust.state is before.state:
+    def _released(self, event: StopReleased) -> list[TrainOutput]:
+        after = released(self._stop)
+        if isinstance(after, str):
+            return [StopChange(event.mono_ns, self._stop, after)]
+        self._stop = after
+        return []
+
+    def _if_lost(self, trust_before: TrustState, outputs: list[TrainOutput], mono_ns: int) -> list[TrainOutput]:
+        """Trust that is lost is told at once, and that there is no position until the next epoch."""
+        trust = self.trust
+        if trust_before is not TrustState.NORMAL or trust is TrustState.NORMAL:
             return []
-        change = TrustChange(mono_ns, before.state, trust.state, reasons)
-        if before.state is not TrustState.NORMAL:
-            return [change]
-        return [change, self._report(mono_ns, Status.UNKNOWN, (f"trust is {trust.state.value}", *reasons), None)]
+        why = next((output.reasons for output in outputs if isinstance(output, TrustChange)), ())
+        return [self._report(mono_ns, Status.UNKNOWN, (f"trust is {trust.value}", *why), None)]
+
+    def _stop_told(self, outputs: list[TrainOutput], mono_ns: int) -> list[TrainOutput]:
+        """A stop that is asked for, or no longer, is told at once too."""
+        change = StopChange(mono_ns, self._stop)
+        told = any(isinstance(output, PositionReport) and output.stop == self._stop for output in outputs)
+        return [change] if told else [change, self._report(mono_ns, Status.UNKNOWN, ("no epoch yet since the stop has changed",), None)]
+
+    def _stop_moves(self, mono_ns: int) -> None:
+        against = [f"{site} says {self._trust_in(site).state.value}" for site in self._here if self._trust_in(site).says in DENIED]
+        self._stop = after_moment(self._stop, self.trust, ", ".join(against), mono_ns, self.train.stop)
 
     # ---- the antennas
 
@@ -229,47 +259,93 @@ class TrainLocaliser:
 
     def _position(self, epoch: AlignedEpoch) -> PositionReport:
         """The place in an epoch: VALID if it is covered, PROVISIONAL as long as it may still be, UNKNOWN where there is none."""
-        vouched = self._coverage.of(epoch.epoch_ns)
-        likely = vouched or self._coverage.latest
-        signals = None if likely is None else likely.signals
-        fix = self._fix(epoch, signals)
-        if vouched is None:
-            self._coverage.wait(epoch.epoch_ns, _Waiting(epoch, signals, fix))
-        return self._judged(fix, vouched is not None, epoch.mono_ns)
+        placed = self._place(epoch, self._here)
+        if not placed.why_none and self._coverage.of(epoch.epoch_ns, placed.sites) is None:
+            self._coverage.wait(epoch.epoch_ns, placed.sites, placed)
+        return self._judged(placed, epoch.mono_ns)
 
-    def _fix(self, epoch: AlignedEpoch, signals: Mapping[str, int] | None) -> Fix:
-        return self._fixes.fix(epoch, signals, self._agreement.mismatched)
+    def _place(self, epoch: AlignedEpoch, sites: tuple[str, ...]) -> _Placed:
+        """Solved with what the stations of the place itself vouch for."""
+        signals = self._coverage.likely(epoch.epoch_ns, sites)
+        fix, why_none = self._fixes.fix(epoch, signals, self._agreement.mismatched), ""
+        for _ in range(MOST_SOLUTIONS - 1):
+            there = self._whose_word_counts(fix, sites)
+            if isinstance(there, str):
+                sites, why_none = (), there
+                break
+            before, signals, sites = signals, self._coverage.likely(epoch.epoch_ns, there), there
+            if signals == before:
+                break
+            fix = self._fixes.fix(epoch, signals, self._agreement.mismatched)
+        return _Placed(epoch, fix, signals, sites, why_none)
 
-    def _judged(self, fix: Fix, covered: bool, mono_ns: int) -> PositionReport:
-        trust = self._trust.state
+    def _whose_word_counts(self, fix: Fix, sites: tuple[str, ...]) -> tuple[str, ...] | str:
+        """Stations of the place, and of the one that was confirmed last: counterfeit signals must not lead to where nobody sees them.
+
+        Before there is one, all that the train listens to; where there is no place, as before. In words where the map names nobody.
+        """
+        if fix.front is None:
+            return sites
+        there = self._stations_at(fix)
+        if isinstance(there, str):
+            return there
+        more = self.train.stations if self._confirmed_by is None else self._confirmed_by
+        return tuple(dict.fromkeys((*there, *more)))
+
+    def _stations_at(self, fix: Fix) -> tuple[str, ...] | str:
+        """That vouch for where its antennas and its ends are; in words for which of them nobody does."""
+        places = [fix.front, fix.rear, *(antenna.place for antenna in fix.antennas)]
+        return stations_at(self.track, [(place.edge, place.offset_m) for place in places if place is not None])
+
+    def _judged(self, placed: _Placed, mono_ns: int) -> PositionReport:
+        fix, self._here = placed.fix, placed.sites
+        trust = self.trust
         if fix.front is None:
             return self._report(mono_ns, Status.UNKNOWN, fix.reasons, fix)
         if trust in DENIED:
             return self._report(mono_ns, Status.UNKNOWN, (f"trust is {trust.value}",), fix)
+        if placed.why_none:
+            return self._report(mono_ns, Status.PROVISIONAL, (placed.why_none,), fix)
+        settled = self._whose_word_counts(fix, placed.sites) == placed.sites
+        covered = settled and placed.signals is not None and placed.signals == self._coverage.of(fix.gps_time_ns, placed.sites)
         if trust is not TrustState.NORMAL or not covered:
             return self._report(mono_ns, Status.PROVISIONAL, (f"no NORMAL message covers this epoch; trust is {trust.value}",), fix)
         objection = self._progress.objection(fix)
         if objection:
             return self._report(mono_ns, Status.UNKNOWN, (objection,), fix)
-        self._progress.confirm(fix)
-        self._confirmed = Confirmed(fix.front, fix.gps_time_ns)
+        self._confirm(fix)
         return self._report(mono_ns, Status.VALID, (), fix)
+
+    def _confirm(self, fix: Fix) -> None:
+        there = self._stations_at(fix)
+        assert fix.front is not None and not isinstance(there, str)
+        self._progress.confirm(fix)
+        self._confirmed, self._confirmed_by = Confirmed(fix.front, fix.gps_time_ns), there
 
     def _report(self, mono_ns: int, status: Status, reasons: tuple[str, ...], fix: Fix | None) -> PositionReport:
         self._sequence += 1
-        until_ns = self._trust.valid_until_ns
-        left_ns = until_ns - mono_ns if until_ns is not None and self._trust.state is TrustState.NORMAL else None
-        return PositionReport(
-            self._sequence, mono_ns, status, reasons, fix, self._trust.state, self._trust.sequence, left_ns, self._confirmed, self._refused
-        )
+        if status is Status.VALID:
+            self._stop = after_valid(self._stop)
+        self._stop_moves(mono_ns)
+        stations = tuple(self._station_report(ground, mono_ns) for ground in self._grounds.values())
+        return PositionReport(self._sequence, mono_ns, status, reasons, fix, self.trust, self._here, stations, self._stop, self._confirmed)
+
+    def _station_report(self, ground: Ground, mono_ns: int) -> StationReport:
+        trust, until_ns = ground.trust, ground.trust.valid_until_ns
+        left_ns = until_ns - mono_ns if until_ns is not None and trust.state is TrustState.NORMAL else None
+        return StationReport(ground.site, trust.state, trust.sequence, left_ns, ground.refused, ground.is_alarmed(mono_ns))
+
+    def _trust_in(self, site: str) -> Trust:
+        """None in a station that the map names and the train does not listen to."""
+        return self._grounds[site].trust if site in self._grounds else Trust()
 
 
-def _reasons(received: Received) -> tuple[str, ...]:
-    """What the message says, for people."""
-    health = received.health
-    if health is None:
-        return (received.refusal,)
-    cause = pb.Cause.Name(health.cause).lower() if health.cause in pb.Cause.values() else f"cause {health.cause}"
-    subjects = f" ({', '.join(health.subjects)})" if health.subjects else ""
-    said = () if received.said is State.NORMAL else (f"the ground says {received.said.value}: {cause}{subjects}",)
-    return (*said, *((received.caution,) if received.caution else ()), *health.reasons)
+def _refuse_unmapped(train: TrainConfig, track: TrackMap) -> None:
+    known = stations_on(track)
+    for site in train.stations:
+        if site not in known:
+            named = f"only {', '.join(known)}" if known else "no station at all"
+            raise ConfigError(
+                f"station {site} vouches for no stretch of map {track.id}, which names {named}: "
+                f'add sections with "station": "{site}" to it, or take the station out of the train file'
+            )

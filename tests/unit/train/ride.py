@@ -149,7 +149,7 @@ def events(
 
 def ride(of: Iterable[TrainEvent], train: TrainConfig | None = None, track: TrackMap = MAP) -> list[TrainOutput]:
     """Decide."""
-    return TrainLocaliser(train or a_train(), track, [KEY.public]).feed(of)
+    return TrainLocaliser(train or a_train(), track, {SITE: [KEY.public]}).feed(of)
 
 
 def positions(outputs: Iterable[TrainOutput]) -> list[PositionReport]:

@@ -37,6 +37,7 @@ from train_client.events import HealthReceived, TrainEvent
 from train_client.localisation.localiser import TrainLocaliser
 from train_client.outputs import MessageRefused, PositionReport, Status, TrainOutput, TrustChange
 from train_client.snapshots import decode_snapshot, encode_snapshot
+from train_client.track.track_map import Section
 from train_client.trust import TrustState
 
 EPOCHS = 40
@@ -198,7 +199,7 @@ def test_replayed_and_forged_messages_change_no_position() -> None:
 
 def test_replayed_and_forged_messages_are_counted() -> None:
     attacked = ride(with_replays(events(measured()), b"nonsense"))
-    assert positions(attacked)[-1].refused_messages == 2 * (EPOCHS - 4)  # those of the last epoch come after its position
+    assert positions(attacked)[-1].stations[0].refused_messages == 2 * (EPOCHS - 4)  # those of the last epoch come after its position
 
 
 def exchanged(of: list[TrainEvent]) -> list[TrainEvent]:
@@ -232,7 +233,7 @@ def test_beyond_the_end_of_the_map_there_is_no_position() -> None:
     short = replace(
         whole,
         edges=(*whole.edges[:-1], replace(last, s_m=last.s_m[keep], pos_ecef_m=last.pos_ecef_m[keep], cant_rad=last.cant_rad[keep])),
-        sections=(),
+        sections=(Section(last.id, 0.0, 1.0, station=SITE),),
     )
     outputs = ride(events(measured(4.0, 2970.0, 0.0)), track=short)
     assert not valid(outputs) and "end of the map" in last_reasons(outputs)
@@ -270,14 +271,14 @@ def test_a_satellite_whose_message_only_one_antenna_has_heard_is_not_used() -> N
 
 def test_one_event_at_a_time_or_all_at_once_decides_the_same() -> None:
     stream = events(measured(), anomaly)
-    single = TrainLocaliser(a_train(), MAP, [KEY.public])
+    single = TrainLocaliser(a_train(), MAP, {SITE: [KEY.public]})
     assert [output for event in stream for output in single.feed([event])] == ride(stream)
 
 
 def test_looking_ahead_changes_nothing() -> None:
     """Not the last bit of a number, through start-up, an anomaly and a change of the satellites allowed."""
     stream = events(measured(), anomaly)
-    ahead = TrainLocaliser(a_train(), MAP, [KEY.public])
+    ahead = TrainLocaliser(a_train(), MAP, {SITE: [KEY.public]})
     outputs = []
     for event in stream:
         outputs += ahead.feed([event])
@@ -286,7 +287,7 @@ def test_looking_ahead_changes_nothing() -> None:
 
 
 def test_a_tick_at_the_deadline_is_what_ends_trust() -> None:
-    localiser = TrainLocaliser(a_train(), MAP, [KEY.public])
+    localiser = TrainLocaliser(a_train(), MAP, {SITE: [KEY.public]})
     localiser.feed(events(measured())[: 12 * 5])
     assert localiser.trust is TrustState.NORMAL
     due_ns = localiser.next_deadline_ns
@@ -299,10 +300,10 @@ def test_a_tick_at_the_deadline_is_what_ends_trust() -> None:
 
 def from_snapshot(stream: list[TrainEvent], at: int) -> tuple[list[TrainOutput], list[TrainOutput]]:
     """What one localiser decides from an event on, and what another one does that begins there with the snapshot, through its message."""
-    first = TrainLocaliser(a_train(), MAP, [KEY.public])
+    first = TrainLocaliser(a_train(), MAP, {SITE: [KEY.public]})
     first.feed(stream[:at])
     message = encode_snapshot(first.snapshot(), a_train(), MAP, 0).SerializeToString()
-    second = TrainLocaliser(a_train(), MAP, [KEY.public], decode_snapshot(pb.TrainSnapshot.FromString(message), MAP))
+    second = TrainLocaliser(a_train(), MAP, {SITE: [KEY.public]}, decode_snapshot(pb.TrainSnapshot.FromString(message), MAP))
     return first.feed(stream[at:]), second.feed(stream[at:])
 
 
@@ -315,7 +316,7 @@ def test_another_localiser_goes_on_from_a_snapshot_as_this_one_does(share: float
 
 
 def test_a_snapshot_of_another_map_is_refused() -> None:
-    localiser = TrainLocaliser(a_train(), MAP, [KEY.public])
+    localiser = TrainLocaliser(a_train(), MAP, {SITE: [KEY.public]})
     localiser.feed(events(measured())[:100])
     message = encode_snapshot(localiser.snapshot(), a_train(), MAP, 0)
     renamed = replace(MAP, edges=tuple(replace(edge, id=f"{edge.id}-new") for edge in MAP.edges), sections=())

@@ -17,6 +17,7 @@ from tests.unit.pairs import without_second
 from tests.unit.train.ride import (
     KEY,
     MAP,
+    SITE,
     START_NS,
     STEP_NS,
     Say,
@@ -164,7 +165,7 @@ def test_sigmas_of_pairs_are_those_of_the_train_file() -> None:
 
 
 def test_what_is_computed_ahead_changes_no_bit() -> None:
-    localiser = TrainLocaliser(a_train(), MAP, [KEY.public])
+    localiser = TrainLocaliser(a_train(), MAP, {SITE: [KEY.public]})
     ahead = []
     for event in events(heard(), vouching(PAIRS)):
         ahead += localiser.feed([event])

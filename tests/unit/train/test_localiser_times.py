@@ -14,7 +14,7 @@ from integrity.gnss.signals import satellite_of
 from integrity.messages import wayside_pb2 as pb
 from recordings.simulate.observations import observed
 from recordings.simulate.receiver import as_bytes
-from tests.unit.train.ride import KEY, LINE, MAP, Ground, a_train, errors_m, events, positions, ride, valid
+from tests.unit.train.ride import KEY, LINE, MAP, SITE, Ground, a_train, errors_m, events, positions, ride, valid
 from train_client.config import TrainConfig
 from train_client.events import TrainEvent
 from train_client.localisation.localiser import TrainLocaliser
@@ -75,7 +75,7 @@ def told(turn: str) -> list[TrainEvent]:
 @cache
 def decided(turn: str) -> tuple[list[TrainOutput], LocaliserMemory]:
     """Everything at once, and what is remembered at the end."""
-    localiser = TrainLocaliser(a_slow_train(), MAP, [KEY.public])
+    localiser = TrainLocaliser(a_slow_train(), MAP, {SITE: [KEY.public]})
     return localiser.feed(told(turn)), localiser.snapshot()
 
 
@@ -132,7 +132,7 @@ def test_the_front_end_is_where_it_was(turn: str) -> None:
 
 @of_every_turn
 def test_one_piece_at_a_time_with_looks_ahead_decides_the_same(turn: str) -> None:
-    localiser = TrainLocaliser(a_slow_train(), MAP, [KEY.public])
+    localiser = TrainLocaliser(a_slow_train(), MAP, {SITE: [KEY.public]})
     outputs = []
     for event in in_pieces(told(turn)):
         outputs += localiser.feed([event])
@@ -144,10 +144,10 @@ def test_one_piece_at_a_time_with_looks_ahead_decides_the_same(turn: str) -> Non
 def test_another_localiser_that_goes_on_from_a_snapshot_at_the_turn_decides_the_same(turn: str) -> None:
     pieces = in_pieces(told(turn))
     cut = 1 + next(i for i, event in enumerate(pieces) if event.mono_ns >= TURNS[turn])
-    first = TrainLocaliser(a_slow_train(), MAP, [KEY.public])
+    first = TrainLocaliser(a_slow_train(), MAP, {SITE: [KEY.public]})
     outputs = first.feed(pieces[:cut])
     message = encode_snapshot(first.snapshot(), a_slow_train(), MAP, 0).SerializeToString()
-    second = TrainLocaliser(a_slow_train(), MAP, [KEY.public], decode_snapshot(pb.TrainSnapshot.FromString(message), MAP))
+    second = TrainLocaliser(a_slow_train(), MAP, {SITE: [KEY.public]}, decode_snapshot(pb.TrainSnapshot.FromString(message), MAP))
     assert outputs + second.feed(pieces[cut:]) == whole(turn)
 
 

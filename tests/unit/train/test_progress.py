@@ -6,6 +6,7 @@ from tests.unit.track.lines import line, straight
 from train_client.config import AntennaConfig, TrainConfig
 from train_client.localisation.progress import REAR_FIRST_M, SIGMAS, Progress
 from train_client.outputs import Fix, MapPlace
+from train_client.stop import StopLimits
 from train_client.track.track_map import Switch, TrackMap
 from train_client.trust import TrustLimits
 
@@ -13,7 +14,9 @@ NS_PER_S = 1_000_000_000
 SPEED_MPS, SIGMA_M = 30.0, 0.5
 NOISE_M = SIGMAS * 2 * SIGMA_M
 ANTENNAS = (AntennaConfig("front", -3.0, 0.0, 3.9),)
-TRAIN = TrainConfig("r291", 40.0, ANTENNAS, NS_PER_S, 0, SPEED_MPS, 1.0, 0.5, 3.0, 1.5, "k-1", 3000, TrustLimits(3, 0), "")
+TRAIN = TrainConfig(
+    "r291", 40.0, ANTENNAS, NS_PER_S, 0, SPEED_MPS, 1.0, 0.5, 3.0, 1.5, ("k-1",), 3000, TrustLimits(3, 0), StopLimits(0, True), ""
+)
 
 # west --a--> x --b--> y <--c-- east: c runs against the others. `d` is reached from nowhere.
 TRACK = line(

@@ -14,6 +14,7 @@ from integrity.messages import wayside_pb2 as pb
 from recordings.toml_file import ConfigProblems, dotted, format_value
 from train_client.config import AntennaConfig, TrainConfig
 from train_client.recording import manner_of
+from train_client.stop import StopLimits
 from train_client.train_file import load_train, parse_train
 from train_client.trust import TrustLimits
 
@@ -75,9 +76,10 @@ def test_the_example_decides_as_it_says() -> None:
         sigma_range_low_m=0.5,
         sigma_range_pair_m=3.0,
         sigma_range_pair_low_m=1.5,
-        station="kokubunji-1",
+        stations=("kokubunji-1",),
         max_valid_ms=3000,
         trust=TrustLimits(recover_messages=10, no_comms_after_ns=2_000_000_000),
+        stop=StopLimits(after_ns=3_000_000_000, latches=True),
         config_sha256="",
     )
 
@@ -96,7 +98,7 @@ def test_paths_count_from_where_the_file_lies(tmp_path: Path) -> None:
 
 def test_the_rest_is_as_written() -> None:
     train = parse_train(EXAMPLE + SECOND, "train.toml")
-    expected = ({"front": "tcp://10.0.0.11:2000", "rear": None}, ("tcp/10.0.0.1:7447",), None)
+    expected = ({"front": "tcp://10.0.0.11:2000", "rear": None}, {("tcp/10.0.0.1:7447",): ("kokubunji-1",)}, None)
     assert (train.sources, train.connect, train.map_path) == expected
 
 
@@ -124,13 +126,17 @@ WRONG = {  # a change, and the one problem that it makes
     "one table": ("[[antenna]]", "[antenna]", "train.toml:4: antenna: expected one table [[antenna]] or more, each with id, source, x_m"),
     "misspelt table": ("[publish]", "[publsh]", 'train.toml:19: publsh: no such key; did you mean "publish"?'),
     "a site's table": ("[publish]", "[receivers]", "train.toml:19: receivers: no such key: expected one of train, antenna, trust, publish"),
-    "two stations": ('"kokubunji-1"', '"k-1", "k-2"', 'train.toml:15: trust.stations = ["k-1", "k-2"]: expected exactly one station'),
-    "one station twice": ('"kokubunji-1"', '"k-1", "k-1"', 'train.toml:15: trust.stations = ["k-1", "k-1"]: expected exactly one station'),
-    "no station": ('"kokubunji-1"', "", "train.toml:15: trust.stations = []: expected exactly one station"),
+    "one station twice": ('"kokubunji-1"', '"k-1", "k-1"', 'train.toml:15: trust.stations = ["k-1", "k-1"]: a station stands there twice'),
+    "no station": ('"kokubunji-1"', "", "train.toml:15: trust.stations = []: expected one station or more: without"),
     "a station alone": ('["kokubunji-1"]', '"k-1"', 'train.toml:15: trust.stations = "k-1": expected a list of site ids, such as'),
     "no proof": ("= 10\n", "= 0\n", "train.toml:17: trust.recover_messages = 0: expected a whole number from 1 to 100000"),
     "half a message": ("= 10\n", "= 2.5\n", "train.toml:17: trust.recover_messages = 2.5: expected a whole number from 1 to 100000"),
     "valid for ever": ("3000", "3600000", "train.toml:18: trust.max_valid_ms = 3600000: expected whole milliseconds, from 100 to 60000"),
+    "never stops": ("3000", "3000\nstop_after_s = 1e9", "train.toml:19: trust.stop_after_s = 1000000000.0: expected seconds, from 0"),
+    "releases itself": ("3000", '3000\nrelease = "driver"', 'trust.release = "driver": expected "operator" or "automatic"'),
+    "a strange station": ("[publish]", '[[station]]\nid = "k-9"\nconnect = ["tcp/h:1"]\n[publish]', "not among the stations of [trust]"),
+    "a station nowhere": ("[publish]", '[[station]]\nid = "kokubunji-1"\n[publish]', "station.0.connect: missing: add connect"),
+    "a station as a table": ("[publish]", '[station]\nid = "kokubunji-1"\n[publish]', "station: expected tables [[station]], each with id"),
     "patience": ("3000", "3000\nno_comms_after_s = 1e9", "train.toml:19: trust.no_comms_after_s = 1000000000.0: expected seconds, from 0"),
     "bad endpoint": ("tcp/10.0.0.1:7447", "10.0.0.1", 'train.toml:20: publish.connect = ["10.0.0.1"]: expected a list of Zenoh endpoints'),
     "a train as a list": ("[train]", "[[train]]", "train.toml:1: train = [{id = "),
@@ -200,6 +206,9 @@ DECISIVE = {
     "recover_messages": ("= 10\n", "= 11\n"),
     "max_valid_ms": ("3000", "3001"),
     "no_comms_after_s": ("3000", "3000\nno_comms_after_s = 2.5"),
+    "stop_after_s": ("3000", "3000\nstop_after_s = 2.5"),
+    "release": ("3000", '3000\nrelease = "automatic"'),
+    "another station": ('"kokubunji-1"', '"kokubunji-1", "kokubunji-2"'),
     "another antenna": ("[trust]", SECOND + "[trust]"),
 }
 
@@ -220,6 +229,7 @@ NOT_DECISIVE = {
     "map": ("40.0", '40.0\nmap = "x.json"'),
     "public_keys": ("keys/trusted.toml", "elsewhere.toml"),
     "connect": ("tcp/10.0.0.1:7447", "tcp/[::1]:1"),
+    "connect of a station": ("[publish]", '[[station]]\nid = "kokubunji-1"\nconnect = ["tcp/h:1"]\n[publish]'),
     "directory": ("[publish]", '[record]\ndirectory = "x"\n[publish]'),
     "receiver": ('"rx1"', '"rx2"'),
     "a default, written out": ("40.0", "40.0\nmax_speed_mps = 100.0"),
@@ -253,7 +263,8 @@ KEYS = [("train",), ("trust",), ("antenna",), ("publish",), ("more",)] + [
     for table, keys in {
         "train": ("id", "length_m", "map", "facing", "epoch_interval_s", "max_speed_mps", "sigma_range_m", "sigma_range_pair_m", "extra"),
         "antenna": ("id", "source", "x_m", "y_m", "height_m", "receiver", "clock", "oscillator", "extra"),
-        "trust": ("stations", "public_keys", "recover_messages", "max_valid_ms", "no_comms_after_s"),
+        "trust": ("stations", "public_keys", "recover_messages", "max_valid_ms", "no_comms_after_s", "stop_after_s", "release"),
+        "station": ("id", "connect"),
         "publish": ("connect",),
         "record": ("directory",),
     }.items()

@@ -17,9 +17,10 @@ from recordings.channels import TRAIN_TOPICS, is_input, raw_topic, topic_of
 from recordings.reader import read_recording
 from recordings.writer import RecordingWriter
 from tests.unit.track.lines import line, straight
-from train_client.events import ChallengeAnswered, ChallengeSent, HealthReceived, TrainEvent
+from train_client.events import ChallengeAnswered, ChallengeSent, HealthReceived, StopReleased, TrainEvent
 from train_client.messages import STATUS, TRUST, decode_event, encode_event, encode_position, encode_started
-from train_client.outputs import AntennaFix, Confirmed, Fix, MapPlace, PositionReport, Status
+from train_client.outputs import AntennaFix, Confirmed, Fix, MapPlace, PositionReport, StationReport, Status
+from train_client.stop import Stop, StopState
 from train_client.train_file import parse_train
 from train_client.trust import TrustState
 
@@ -44,7 +45,8 @@ FIX = Fix(
     reasons=(),
 )
 LAST = Confirmed(MapPlace("main", 49.0), GPS_NS - 10**9)
-REPORT = PositionReport(5, MONO_NS, Status.VALID, (), FIX, TrustState.NORMAL, 57, 1_999_999_999, LAST, 2)
+STATION = StationReport("k-1", TrustState.NORMAL, 57, 1_999_999_999, 2, False)
+REPORT = PositionReport(5, MONO_NS, Status.VALID, (), FIX, TrustState.NORMAL, ("k-1",), (STATION,), Stop(StopState.NONE, ()), LAST)
 
 EVENTS: list[TrainEvent] = [
     HealthReceived(MONO_NS, "wayside/v1/k-1/health", b"\x00\xff" * 30),
@@ -56,6 +58,7 @@ EVENTS: list[TrainEvent] = [
     Tick(MONO_NS + 6, GPS_NS, 1_000_000),
     Tick(MONO_NS + 7, GPS_NS, None),
     Tick(MONO_NS + 8, GPS_NS, 0),
+    StopReleased(MONO_NS + 9),
 ]
 
 
@@ -124,6 +127,9 @@ def test_a_position_says_where_the_train_is_and_what_it_rests_on() -> None:
         map_sha256="5" * 64,
         config_sha256=TRAIN.config_sha256,
         software=encoded(REPORT).software,
+        stations=[pb.StationTrust(site="k-1", trust=pb.TRUST_NORMAL, health_sequence=57, valid_for_ms=1999, refused_messages=2)],
+        vouching=["k-1"],
+        stop=pb.STOP_NONE,
     )
     assert encoded(REPORT) == expected
 
@@ -147,15 +153,18 @@ def test_half_a_distance_is_none(missing: str) -> None:
 
 
 def test_without_a_fix_nothing_of_an_epoch_is_said() -> None:
-    bare = replace(REPORT, status=Status.UNKNOWN, fix=None, health_sequence=None, valid_for_ns=None, last_confirmed=None)
+    silent = replace(STATION, health_sequence=None, valid_for_ns=None)
+    bare = replace(REPORT, status=Status.UNKNOWN, fix=None, stations=(silent,), last_confirmed=None)
     names = {field.name for field, _ in encoded(bare).ListFields()}
-    always = {"train", "sequence", "mono_ns", "trust", "site", "refused_messages", "software"}
+    always = {"train", "sequence", "mono_ns", "trust", "site", "refused_messages", "software", "stations", "vouching", "stop"}
     assert names == always | {"map_id", "map_version", "map_sha256", "config_sha256"}
 
 
 def test_the_first_sequence_and_the_first_offset_are_there_though_they_are_zero() -> None:
     start = MapPlace("main", 0.0)
-    message = encoded(replace(REPORT, health_sequence=0, valid_for_ns=0, fix=replace(FIX, front=start, rear=start)))
+    message = encoded(
+        replace(REPORT, stations=(replace(STATION, health_sequence=0, valid_for_ns=0),), fix=replace(FIX, front=start, rear=start))
+    )
     found = [message.HasField("health_sequence"), message.HasField("valid_for_ms"), message.HasField("front"), message.HasField("rear")]
     assert found == [True] * 4
 
@@ -176,7 +185,7 @@ def test_nothing_known_reads_as_unknown_without_trust() -> None:
 
 
 def test_a_validity_that_has_just_run_out_can_be_said() -> None:
-    assert encoded(replace(REPORT, valid_for_ns=-1)).valid_for_ms == 0
+    assert encoded(replace(REPORT, stations=(replace(STATION, valid_for_ns=-1),))).valid_for_ms == 0
 
 
 def numbers(message: Message) -> list[float]:
