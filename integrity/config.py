@@ -69,7 +69,10 @@ SIGMAS_OF_SIGNALS_M: Mapping[str, float] = {name: getattr(IntegrityConfig, name)
 
 @dataclass(frozen=True)
 class SiteConfig:
-    """A site: its receivers in the order of their names, its frame, its epoch interval, its promises."""
+    """A site: its receivers in the order of their names, its frame, its epoch interval, its promises.
+
+    `map_sha256`: the editions of the track map on which it vouches; empty: whichever. It is said, and nothing is decided by it.
+    """
 
     site_id: str
     frame: str
@@ -80,6 +83,7 @@ class SiteConfig:
     integrity: IntegrityConfig
     valid_for_ms: int
     config_sha256: str
+    map_sha256: tuple[str, ...] = ()
 
     @property
     def receiver_names(self) -> tuple[str, ...]:

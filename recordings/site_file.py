@@ -128,7 +128,7 @@ def examine_site(document: TomlDocument) -> SiteFindings:
     unsound = {problem.key for problem in site_problems + integrity_problems} - HARMLESS_KEYS
     config = None
     if not unsound and not point_problems and len(points) == len(receivers) == 3:
-        config = _site_config(site, receivers, points, integrity, publish.valid_for_ms)
+        config = _site_config(site, receivers, points, integrity, publish)
         problems += site_checks.collapse_impossible(document, points, config.integrity)
         warnings += site_checks.spacing_warnings(document, points, config.integrity.sigma_differential_m)
         warnings += site_checks.pair_warnings(document, config.integrity)
@@ -172,7 +172,11 @@ def _read_receivers(document: TomlDocument) -> tuple[dict[str, ReceiverSection],
 
 
 def _site_config(
-    site: SiteSection, receivers: dict[str, ReceiverSection], points: dict[str, EcefPoint], integrity: IntegritySection, valid_for_ms: int
+    site: SiteSection,
+    receivers: dict[str, ReceiverSection],
+    points: dict[str, EcefPoint],
+    integrity: IntegritySection,
+    publish: PublishSection,
 ) -> SiteConfig:
     config = SiteConfig(
         site_id=site.id,
@@ -193,8 +197,9 @@ def _site_config(
             for name, receiver in receivers.items()
         ),
         integrity=_promises(integrity),
-        valid_for_ms=valid_for_ms,
+        valid_for_ms=publish.valid_for_ms,
         config_sha256="",
+        map_sha256=publish.map_sha256,
     )
     return replace(config, config_sha256=config_sha256(config))
 
@@ -212,9 +217,9 @@ def _promises(integrity: IntegritySection) -> IntegrityConfig:
 
 
 def config_sha256(config: SiteConfig) -> str:
-    """SHA-256 (hex) of what decisions depend on: the configuration as JSON with sorted keys, without the hash itself."""
+    """SHA-256 (hex) of what decisions depend on: the configuration as JSON with sorted keys, without itself and what is only said."""
     content = asdict(config)
-    del content["config_sha256"]
+    del content["config_sha256"], content["map_sha256"]
     return hashlib.sha256(json.dumps(content, sort_keys=True, separators=(",", ":"), allow_nan=False).encode()).hexdigest()
 
 

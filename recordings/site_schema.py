@@ -46,6 +46,10 @@ CommonNames = Annotated[
     tuple[Annotated[str, Field(min_length=1, max_length=64)], ...],
     Field(strict=False, description='a list of common names of certificates, such as ["r291", "router-east"]'),
 ]
+Hashes = Annotated[
+    tuple[Annotated[str, Field(pattern="^[0-9a-f]{64}$")], ...],
+    Field(strict=False, description="a list of SHA-256 of track maps, 64 hex digits each, as `wayside map check` shows them"),
+]
 Ecef = Annotated[
     tuple[float, float, float] | None,
     Field(strict=False, description="three finite numbers in metres, [x, y, z]"),
@@ -116,13 +120,17 @@ class IntegritySection(Section):
 
 
 class PublishSection(Section):
-    """`[publish]`: Zenoh endpoints, the signing key (by default `keys/ID.pem`), how long a message counts, and with TLS who may read."""
+    """`[publish]`: Zenoh endpoints, the signing key (by default `keys/ID.pem`), how long a message counts, and with TLS who may read.
+
+    `map_sha256`: the editions of the track map on which the station vouches, two while trains change; without it whichever.
+    """
 
     listen: Endpoints = ("tcp/0.0.0.0:7447",)
     connect: Endpoints = ()
     key: Text = ""
     valid_for_ms: Annotated[int, Field(ge=100, le=60_000, description="whole milliseconds, from 100 to 60000")] = 3000
     readers: CommonNames = ()
+    map_sha256: Hashes = ()
 
 
 class TlsSection(Section):

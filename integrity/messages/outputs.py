@@ -53,6 +53,7 @@ def encode_health(health: HealthReport, site: SiteConfig, software: str, boot_id
         excluded_satellites=health.excluded,
         config_sha256=site.config_sha256,
         software=software,
+        map_sha256=site.map_sha256,
     )
 
 

@@ -8,7 +8,7 @@ import threading
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -21,6 +21,7 @@ from tests.e2e.field import REPOSITORY, SITE_ID, START_NS, Field
 from train_client.simulate.line import sample_line
 from train_client.simulate.motion import antennas_on, sample_run
 from train_client.simulate.story import TRAIN_ERRORS
+from train_client.track.track_map import format_map, parse_map
 from train_client.train_file import load_train
 
 SAMPLES = REPOSITORY / "recordings" / "samples"
@@ -35,11 +36,17 @@ def make_train(place: Field, sources: dict[str, str], interval_s: float = 0.1, m
         text = text.replace(f"tcp://127.0.0.1:{name}", url)
     text = text.replace("epoch_interval_s = 1.0", f"epoch_interval_s = {interval_s}").replace('"sample"', f'"{SITE_ID}"')
     text = text.replace("tcp/127.0.0.1:7447", place.endpoint)
-    (place.folder / "line.json").write_text((SAMPLES / "line.json").read_text())
+    (place.folder / "line.json").write_text(line_of(SITE_ID))
     file = place.folder / "train.toml"
     file.write_text(text + more)
     load_train(file)
     return file
+
+
+def line_of(*sites: str) -> str:
+    """The sample line, all of which these vouch for."""
+    track = parse_map((SAMPLES / "line.json").read_text(), "line.json")
+    return format_map(replace(track, sections=tuple(replace(section, station=site) for site in sites for section in track.sections)))
 
 
 @cache
