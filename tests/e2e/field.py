@@ -69,18 +69,19 @@ def make_field(
     recover_after_s: float = 3.0,
     more: str = "",
     of_receivers: str = "",
+    site_id: str = SITE_ID,
 ) -> Field:
     """A site of three antennas 120 m apart; `more` is TOML at the end of `[integrity]`, and after it, `of_receivers` of each receiver."""
     endpoint = f"tcp/127.0.0.1:{free_port()}"
-    key = folder / "keys" / f"{SITE_ID}.pem"
+    key = folder / "keys" / f"{site_id}.pem"
     public = new_key(key).public
-    (folder / "keys" / "trusted.toml").write_text(trusted_table(SITE_ID, public))
+    (folder / "keys" / "trusted.toml").write_text(trusted_table(site_id, public))
     receivers = "\n".join(
         f'[receivers.{name}]\nsource = "{sources[name]}"\nposition_ecef_m = {list(point)}\n{of_receivers}'
         for name, point in zip("ABC", (A_ECEF_M, B_ECEF_M, C_ECEF_M), strict=True)
     )
     (folder / "site.toml").write_text(
-        f'[site]\nid = "{SITE_ID}"\nframe = "ITRF2020"\nepoch_interval_s = {interval_s}\n{receivers}\n'
+        f'[site]\nid = "{site_id}"\nframe = "ITRF2020"\nepoch_interval_s = {interval_s}\n{receivers}\n'
         f'[publish]\nlisten = ["{endpoint}"]\nkey = "{key}"\n[record]\ndirectory = "{folder / "recordings"}"\n'
         f"[integrity]\nrecover_after_s = {recover_after_s}\n{more}\n"
     )
