@@ -165,6 +165,7 @@ def as_line(received: Received) -> str:
     utc = format_utc(health.gps_time_ns) if health.HasField("gps_time_ns") else "no epoch yet"
     why = " ".join([_cause(health), *([f"({', '.join(health.subjects)})"] if health.subjects else [])])
     parts = [f"{utc:<20}", f"{received.said:<17}", *([why] if why else []), f"sequence {health.sequence}"]
+    parts += [f"after {received.missed} that never came"] if received.missed else []
     parts += [f"age {received.age_ms:.1f} ms"] if received.age_ms is not None else []
     parts += [f"without {', '.join(health.excluded_satellites)}"] if health.excluded_satellites else []
     parts += [f"NOT FRESH: {received.staleness}"] if not received.fresh else []
@@ -199,6 +200,7 @@ def as_json(received: Received) -> str:
         "staleness": received.staleness,
         "caution": received.caution,
         "sequence": received.sequence,
+        "missed": received.missed,
         "age_ms": received.age_ms,
     }
     return json.dumps(judged | (told if received.verified else dict.fromkeys(told)))

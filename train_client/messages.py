@@ -144,6 +144,7 @@ def _station(report: StationReport) -> pb.StationTrust:
         valid_for_ms=_whole_ms(report.valid_for_ns),
         refused_messages=report.refused_messages,
         security_alarm=report.security_alarm,
+        missed_messages=report.missed_messages,
     )
 
 

@@ -75,6 +75,7 @@ class StationReport:
     valid_for_ns: int | None
     refused_messages: int
     security_alarm: bool
+    missed_messages: int = 0
 
 
 @dataclass(frozen=True)

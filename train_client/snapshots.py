@@ -110,6 +110,7 @@ def _encode_station(site: str, memory: GroundMemory, vouched: Iterable[Vouched])
         nonces=[pb.SentNonce(nonce=nonce, mono_ns=sent_ns) for nonce, sent_ns in memory.nonces],
         challenge_at_ns=memory.challenge_at_ns,
         refused_messages=memory.refused,
+        missed_messages=memory.missed,
         alarming_mono_ns=memory.alarm.mono_ns,
     )
 
@@ -132,6 +133,7 @@ def _ground(message: pb.StationMemory) -> GroundMemory:
         nonces=tuple((sent.nonce, sent.mono_ns) for sent in message.nonces),
         challenge_at_ns=message.challenge_at_ns if message.HasField("challenge_at_ns") else None,
         refused=message.refused_messages,
+        missed=message.missed_messages,
     )
 
 

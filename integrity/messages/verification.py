@@ -47,6 +47,7 @@ class Received:
     caution: str = ""  # why `said` is NOT_CONFIRMABLE although the message does not say it in so many words
     said: State = State.NOT_CONFIRMABLE  # by the message, whatever its age
     sequence: int | None = None  # as signed, of a refused message too; None where the signature is not right
+    missed: int = 0  # messages of its boot between the last verified one and it: the network tells nobody what it drops
     age_ns: int | None = None  # at most this old; None until a challenge has tied the clocks
     valid_ns: int = 0  # fresh up to this age
     health: pb.Health | None = None  # None unless verified
@@ -144,7 +145,8 @@ class HealthVerifier:
         gps_time_ns = health.gps_time_ns if health.HasField("gps_time_ns") else before.gps_time_ns
         self._last = before._replace(sequence=health.sequence, data=signed_data, gps_time_ns=gps_time_ns)
         valid_ns = min(health.valid_for_ms, self.max_valid_ms) * NS_PER_MS
-        verified = Received("", True, caution=caution, said=said, sequence=health.sequence, valid_ns=valid_ns, health=health)
+        missed = health.sequence - before.sequence - 1 if before.sequence else 0
+        verified = Received("", True, caution=caution, said=said, sequence=health.sequence, missed=missed, valid_ns=valid_ns, health=health)
         return self.again(verified, mono_ns)
 
     def again(self, received: Received, mono_ns: int) -> Received:

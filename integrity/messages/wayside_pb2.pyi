@@ -891,10 +891,11 @@ class Started(_message.Message):
     def __init__(self, site: _Optional[str] = ..., software: _Optional[str] = ..., config_sha256: _Optional[str] = ..., site_toml: _Optional[str] = ..., gps_time_ns: _Optional[int] = ..., mono_ns: _Optional[int] = ..., boot_id: _Optional[bytes] = ...) -> None: ...
 
 class StationMemory(_message.Message):
-    __slots__ = ["alarming_mono_ns", "challenge_at_ns", "last_health", "nonces", "normals", "refused_messages", "site", "superseded", "tie", "trust", "trust_sequence", "valid_until_ns", "vouched"]
+    __slots__ = ["alarming_mono_ns", "challenge_at_ns", "last_health", "missed_messages", "nonces", "normals", "refused_messages", "site", "superseded", "tie", "trust", "trust_sequence", "valid_until_ns", "vouched"]
     ALARMING_MONO_NS_FIELD_NUMBER: _ClassVar[int]
     CHALLENGE_AT_NS_FIELD_NUMBER: _ClassVar[int]
     LAST_HEALTH_FIELD_NUMBER: _ClassVar[int]
+    MISSED_MESSAGES_FIELD_NUMBER: _ClassVar[int]
     NONCES_FIELD_NUMBER: _ClassVar[int]
     NORMALS_FIELD_NUMBER: _ClassVar[int]
     REFUSED_MESSAGES_FIELD_NUMBER: _ClassVar[int]
@@ -908,6 +909,7 @@ class StationMemory(_message.Message):
     alarming_mono_ns: _containers.RepeatedScalarFieldContainer[int]
     challenge_at_ns: int
     last_health: LastHealth
+    missed_messages: int
     nonces: _containers.RepeatedCompositeFieldContainer[SentNonce]
     normals: int
     refused_messages: int
@@ -918,23 +920,25 @@ class StationMemory(_message.Message):
     trust_sequence: int
     valid_until_ns: int
     vouched: _containers.RepeatedCompositeFieldContainer[Vouched]
-    def __init__(self, site: _Optional[str] = ..., vouched: _Optional[_Iterable[_Union[Vouched, _Mapping]]] = ..., tie: _Optional[_Union[ClockTie, _Mapping]] = ..., last_health: _Optional[_Union[LastHealth, _Mapping]] = ..., superseded: _Optional[_Iterable[bytes]] = ..., trust: _Optional[_Union[TrustState, str]] = ..., normals: _Optional[int] = ..., valid_until_ns: _Optional[int] = ..., trust_sequence: _Optional[int] = ..., nonces: _Optional[_Iterable[_Union[SentNonce, _Mapping]]] = ..., challenge_at_ns: _Optional[int] = ..., refused_messages: _Optional[int] = ..., alarming_mono_ns: _Optional[_Iterable[int]] = ...) -> None: ...
+    def __init__(self, site: _Optional[str] = ..., vouched: _Optional[_Iterable[_Union[Vouched, _Mapping]]] = ..., tie: _Optional[_Union[ClockTie, _Mapping]] = ..., last_health: _Optional[_Union[LastHealth, _Mapping]] = ..., superseded: _Optional[_Iterable[bytes]] = ..., trust: _Optional[_Union[TrustState, str]] = ..., normals: _Optional[int] = ..., valid_until_ns: _Optional[int] = ..., trust_sequence: _Optional[int] = ..., nonces: _Optional[_Iterable[_Union[SentNonce, _Mapping]]] = ..., challenge_at_ns: _Optional[int] = ..., refused_messages: _Optional[int] = ..., alarming_mono_ns: _Optional[_Iterable[int]] = ..., missed_messages: _Optional[int] = ...) -> None: ...
 
 class StationTrust(_message.Message):
-    __slots__ = ["health_sequence", "refused_messages", "security_alarm", "site", "trust", "valid_for_ms"]
+    __slots__ = ["health_sequence", "missed_messages", "refused_messages", "security_alarm", "site", "trust", "valid_for_ms"]
     HEALTH_SEQUENCE_FIELD_NUMBER: _ClassVar[int]
+    MISSED_MESSAGES_FIELD_NUMBER: _ClassVar[int]
     REFUSED_MESSAGES_FIELD_NUMBER: _ClassVar[int]
     SECURITY_ALARM_FIELD_NUMBER: _ClassVar[int]
     SITE_FIELD_NUMBER: _ClassVar[int]
     TRUST_FIELD_NUMBER: _ClassVar[int]
     VALID_FOR_MS_FIELD_NUMBER: _ClassVar[int]
     health_sequence: int
+    missed_messages: int
     refused_messages: int
     security_alarm: bool
     site: str
     trust: TrustState
     valid_for_ms: int
-    def __init__(self, site: _Optional[str] = ..., trust: _Optional[_Union[TrustState, str]] = ..., health_sequence: _Optional[int] = ..., valid_for_ms: _Optional[int] = ..., refused_messages: _Optional[int] = ..., security_alarm: bool = ...) -> None: ...
+    def __init__(self, site: _Optional[str] = ..., trust: _Optional[_Union[TrustState, str]] = ..., health_sequence: _Optional[int] = ..., valid_for_ms: _Optional[int] = ..., refused_messages: _Optional[int] = ..., security_alarm: bool = ..., missed_messages: _Optional[int] = ...) -> None: ...
 
 class StopMemory(_message.Message):
     __slots__ = ["lost_ns", "reasons", "since_ns", "state", "valid_again"]

@@ -124,6 +124,7 @@ def test_a_message_is_told_with_everything_that_a_machine_needs(hub: Hub, key: P
         "staleness": "",
         "caution": "",
         "sequence": 2,
+        "missed": 0,
         "state": "SATELLITE_ANOMALY",
         "cause": "satellite",
         "subjects": ["G07"],

@@ -120,6 +120,25 @@ def test_the_second_message(name: str) -> None:
     assert received.refusal.startswith(refusal) if refusal else received.verified
 
 
+@pytest.mark.parametrize("sequence, missed", [(58, 0), (59, 1), (1000, 942)])
+def test_a_gap_in_the_sequence_is_told(sequence: int, missed: int) -> None:
+    verifier = tied()
+    judged(verifier, health(57))
+    assert judged(verifier, health(sequence)).missed == missed
+
+
+def test_before_the_first_message_of_a_boot_nothing_can_be_missed() -> None:
+    verifier = HealthVerifier(SITE, [KEY.public], 3000)
+    answered(verifier, sequence=57)
+    assert judged(verifier, health(60)).missed == 0
+
+
+def test_what_is_refused_misses_nothing() -> None:
+    verifier = tied()
+    judged(verifier, health(57))
+    assert judged(verifier, health(70, site="elsewhere")).missed == 0
+
+
 def test_a_refused_message_leaves_the_order_as_it_was() -> None:
     verifier = tied()
     judged(verifier, health(57))

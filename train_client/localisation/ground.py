@@ -21,7 +21,7 @@ SHOWN_CHARACTERS = 200  # of words from the network that nobody has signed
 
 @dataclass(frozen=True)
 class GroundMemory:
-    """See the parts; `nonces` that were sent and when, `refused` messages."""
+    """See the parts; `nonces` that were sent and when; messages `refused`, and those that never came."""
 
     verifier: VerifierMemory = field(default_factory=VerifierMemory)
     trust: Trust = field(default_factory=Trust)
@@ -29,6 +29,7 @@ class GroundMemory:
     nonces: tuple[tuple[bytes, int], ...] = ()
     challenge_at_ns: int | None = None
     refused: int = 0
+    missed: int = 0
 
 
 class Said(NamedTuple):
@@ -48,6 +49,7 @@ class Ground:
         self.site = site
         self.trust = start.trust
         self.refused = start.refused
+        self.missed = start.missed
         self._train = train
         self._map_sha256 = map_sha256
         self._keys = tuple(keys)
@@ -59,7 +61,13 @@ class Ground:
     def memory(self) -> GroundMemory:
         """For a snapshot."""
         return GroundMemory(
-            self._verifier.memory(), self.trust, self._alarm, tuple(self._nonces.items()), self._challenge_at_ns, self.refused
+            self._verifier.memory(),
+            self.trust,
+            self._alarm,
+            tuple(self._nonces.items()),
+            self._challenge_at_ns,
+            self.refused,
+            self.missed,
         )
 
     @property
@@ -98,6 +106,7 @@ class Ground:
             self._challenge_soon()
         if not received.verified:
             return self._refusal(received, event.mono_ns, received.refusal)
+        self.missed += received.missed
         self.trust = after_message(self.trust, received, event.mono_ns, self._train.trust, self.is_alarmed(event.mono_ns))
         counts = self.trust.state is TrustState.NORMAL and received.fresh and received.said is State.NORMAL
         vouched = vouched_by(received.health) if counts and received.health is not None else None

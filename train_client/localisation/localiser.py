@@ -333,7 +333,7 @@ class TrainLocaliser:
     def _station_report(self, ground: Ground, mono_ns: int) -> StationReport:
         trust, until_ns = ground.trust, ground.trust.valid_until_ns
         left_ns = until_ns - mono_ns if until_ns is not None and trust.state is TrustState.NORMAL else None
-        return StationReport(ground.site, trust.state, trust.sequence, left_ns, ground.refused, ground.is_alarmed(mono_ns))
+        return StationReport(ground.site, trust.state, trust.sequence, left_ns, ground.refused, ground.is_alarmed(mono_ns), ground.missed)
 
     def _trust_in(self, site: str) -> Trust:
         """None in a station that the map names and the train does not listen to."""
