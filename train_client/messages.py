@@ -132,7 +132,9 @@ def encode_position(report: PositionReport, train: TrainConfig, track: TrackMap)
 
 def _worst(report: PositionReport) -> StationReport:
     """The station that trust is no better than here; where all are NORMAL the one whose word runs out first."""
-    here = [station for station in report.stations if station.site in report.vouching] or report.stations
+    known = {station.site: station for station in report.stations}
+    unheard = {site: StationReport(site, TrustState.NO_COMMS, None, None, 0, False) for site in report.vouching}
+    here = [(unheard | known)[site] for site in report.vouching] or report.stations
     return min(here, key=lambda station: (WORST_FIRST.index(station.trust), station.valid_for_ns or 0))
 
 

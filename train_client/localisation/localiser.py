@@ -8,7 +8,7 @@ The way of an epoch, and of a message:
   2. `positioning.navigation`   navigation messages count only where all antennas have heard the same
   3. `integrity.assembler`      rows of all antennas become aligned epochs; silence is noticed
   4. `fixes`                    one place along the track, or why there is none
-  a. `ground`                   of each station: its health counts only if signed, for this site, next of the boot that answered a challenge
+  a. `grounds`                  of each station: its health counts only if signed, for this site, next of the boot that answered a challenge
   b. `trust`                    may GNSS be used: one table; of several stations the worst, and which they are the map says for each place
   c. `coverage`                 a fix stays provisional until NORMAL messages of all of them cover its epoch
   d. `stop`                     trust that is lost asks for a stop, until somebody releases it
@@ -21,14 +21,13 @@ from integrity.assembler import AlignedEpoch, Assembler, Interruption
 from integrity.errors import ConfigError
 from integrity.events import EphemerisReceived, Heard, InputLost, RawBytes, Tick
 from integrity.gnss.ephemeris.store import EphemerisStore
-from integrity.messages.key_expressions import HEALTH, site_key
 from integrity.reception import Reception
 from train_client.config import TrainConfig
 from train_client.events import ChallengeAnswered, ChallengeSent, HealthReceived, StopReleased, TrainEvent
 from train_client.limits import Timing, derive, silence_ns
 from train_client.localisation.coverage import Coverage, Signals
 from train_client.localisation.fixes import FixMaker
-from train_client.localisation.ground import Ground, Said
+from train_client.localisation.grounds import Grounds, Spoken
 from train_client.localisation.memory import LocaliserMemory
 from train_client.localisation.progress import Progress
 from train_client.outputs import (
@@ -36,7 +35,6 @@ from train_client.outputs import (
     Fix,
     MessageRefused,
     PositionReport,
-    StationReport,
     Status,
     StopChange,
     TrainOutput,
@@ -46,7 +44,7 @@ from train_client.positioning.navigation import NavigationAgreement
 from train_client.stop import after_moment, after_valid, due_ns, released
 from train_client.track.track_map import TrackMap
 from train_client.track.vouching import stations_at, stations_on
-from train_client.trust import DENIED, Trust, TrustState, together
+from train_client.trust import DENIED, TrustState
 
 MOST_SOLUTIONS = 3  # of an epoch: the place names the stations, they name the signals, and these the place
 
@@ -82,8 +80,7 @@ class TrainLocaliser:
         self._assembler = Assembler(train.antenna_ids, train.epoch_interval_ns, timing, start.assembler, self._store)
         self._fixes = FixMaker(train, track, self._store, limits, start.fixes)
         self._progress = Progress(train, track, start.progress)
-        self._grounds = {site: Ground(site, keys.get(site, ()), train, track.sha256, start.grounds.get(site)) for site in train.stations}
-        self._speaks_at = {site_key(site, HEALTH): ground for site, ground in self._grounds.items()}
+        self._grounds = Grounds(train, track.sha256, keys, start.grounds)
         self._coverage: Coverage[_Placed] = Coverage({site: start.vouched.get(site, ()) for site in train.stations})
         self._here = train.stations if start.here is None else start.here
         self._confirmed_by = start.confirmed_by
@@ -102,8 +99,8 @@ class TrainLocaliser:
             ephemerides=tuple(self._store.ephemerides),
             fixes=self._fixes.memory(),
             progress=self._progress.memory(),
-            grounds={site: ground.memory() for site, ground in self._grounds.items()},
-            vouched={site: self._coverage.vouched(site) for site in self._grounds},
+            grounds=self._grounds.memories(),
+            vouched={site: self._coverage.vouched(site) for site in self.train.stations},
             here=self._here,
             confirmed_by=self._confirmed_by,
             stop=self._stop,
@@ -125,22 +122,18 @@ class TrainLocaliser:
     def next_deadline_ns(self) -> int | None:
         """Monotonic time at which the shell should send a tick: trust runs out, a stop is due, or a stream falls silent."""
         silent_ns = self._assembler.deadline_ns
-        times = [
-            *(ground.next_change_ns for ground in self._grounds.values()),
-            due_ns(self._stop, self.train.stop),
-            None if silent_ns is None else silent_ns + 1,
-        ]
+        times = [self._grounds.next_change_ns, due_ns(self._stop, self.train.stop), None if silent_ns is None else silent_ns + 1]
         return min((t for t in times if t is not None), default=None)
 
     @property
     def challenge_due(self) -> tuple[int, str]:
         """Monotonic time at which the shell should challenge a station next, and which."""
-        return min((ground.challenge_due_ns, site) for site, ground in self._grounds.items())
+        return self._grounds.challenge_due
 
     @property
     def trust(self) -> TrustState:
         """As of the last event, where the train is."""
-        return together(self._trust_in(site) for site in self._here)
+        return self._grounds.trust(self._here)
 
     def _event(self, event: TrainEvent) -> list[TrainOutput]:
         stop_before = self._stop.state
@@ -149,7 +142,7 @@ class TrainLocaliser:
             case HealthReceived():
                 outputs += self._health(event)
             case ChallengeSent():
-                self._challenged(event)
+                self._grounds.challenged(event)
             case ChallengeAnswered():
                 outputs += self._answered(event)
             case StopReleased():
@@ -164,43 +157,33 @@ class TrainLocaliser:
     def _time_passes(self, mono_ns: int) -> list[TrainOutput]:
         trust_before = self.trust
         before_ns, self._mono_ns = self._mono_ns, mono_ns
-        outputs: list[TrainOutput] = []
-        for ground in self._grounds.values():
-            before = ground.trust
-            if before_ns is not None and mono_ns < before_ns:
-                said = ground.forget(mono_ns, f"the train's clock stepped back by {(before_ns - mono_ns) / 1e9:.3f} s")
-            else:
-                said = ground.time_passes(mono_ns)
-            outputs += self._said(ground, before, said, mono_ns)
+        outputs = [output for spoken in self._grounds.time_passes(mono_ns, before_ns) for output in self._said(spoken, mono_ns)]
         return outputs + self._if_lost(trust_before, outputs, mono_ns)
 
     def _health(self, event: HealthReceived) -> list[TrainOutput]:
-        ground = self._speaks_at.get(event.key_expr)
-        if ground is None:
-            places = " or ".join(self._speaks_at)
-            return [MessageRefused(event.mono_ns, f"wrong place: came at {event.key_expr}, expected at {places}")]
-        trust_before, before = self.trust, ground.trust
-        outputs = self._said(ground, before, ground.health(event), event.mono_ns)
+        trust_before = self.trust
+        spoken = self._grounds.health(event)
+        if isinstance(spoken, str):
+            return [MessageRefused(event.mono_ns, spoken)]
+        outputs = self._said(spoken, event.mono_ns)
         return outputs + self._if_lost(trust_before, outputs, event.mono_ns)
 
-    def _challenged(self, event: ChallengeSent) -> None:
-        if ground := self._grounds.get(event.site):
-            ground.challenged(event)
-
     def _answered(self, event: ChallengeAnswered) -> list[TrainOutput]:
-        ground = self._grounds.get(event.site)
-        return [] if ground is None else self._said(ground, ground.trust, ground.answered(event), event.mono_ns)
+        spoken = self._grounds.answered(event)
+        return [] if spoken is None else self._said(spoken, event.mono_ns)
 
-    def _said(self, ground: Ground, before: Trust, said: Said, mono_ns: int) -> list[TrainOutput]:
+    def _said(self, spoken: Spoken, mono_ns: int) -> list[TrainOutput]:
         """What a station said, or its silence, changes."""
+        site, before, said = spoken
         if said.refusal:
-            return [MessageRefused(mono_ns, said.refusal, ground.site, ground.is_alarmed(mono_ns))]
+            return [MessageRefused(mono_ns, said.refusal, site, self._grounds.is_alarmed(site, mono_ns))]
         if said.trust.state is not TrustState.NORMAL and said.trust != before:
-            self._coverage.forget(ground.site)
-        changed = said.trust.state is not before.state
-        outputs: list[TrainOutput] = [TrustChange(mono_ns, ground.site, before.state, said.trust.state, said.reasons)] if changed else []
+            self._coverage.forget(site)
+        outputs: list[TrainOutput] = []
+        if said.trust.state is not before.state:
+            outputs.append(TrustChange(mono_ns, site, before.state, said.trust.state, said.reasons))
         if said.vouched is not None:
-            outputs += [self._confirmed_or_not(waited, mono_ns) for waited in self._coverage.vouch(ground.site, said.vouched)]
+            outputs += [self._confirmed_or_not(waited, mono_ns) for waited in self._coverage.vouch(site, said.vouched)]
         return outputs
 
     def _confirmed_or_not(self, waited: _Placed, mono_ns: int) -> PositionReport:
@@ -230,8 +213,7 @@ class TrainLocaliser:
         return [change] if told else [change, self._report(mono_ns, Status.UNKNOWN, ("no epoch yet since the stop has changed",), None)]
 
     def _stop_moves(self, mono_ns: int) -> None:
-        against = [f"{site} says {self._trust_in(site).state.value}" for site in self._here if self._trust_in(site).says in DENIED]
-        self._stop = after_moment(self._stop, self.trust, ", ".join(against), mono_ns, self.train.stop)
+        self._stop = after_moment(self._stop, self.trust, self._grounds.against(self._here), mono_ns, self.train.stop)
 
     # ---- the antennas
 
@@ -327,17 +309,8 @@ class TrainLocaliser:
         if status is Status.VALID:
             self._stop = after_valid(self._stop)
         self._stop_moves(mono_ns)
-        stations = tuple(self._station_report(ground, mono_ns) for ground in self._grounds.values())
+        stations = self._grounds.reports(mono_ns)
         return PositionReport(self._sequence, mono_ns, status, reasons, fix, self.trust, self._here, stations, self._stop, self._confirmed)
-
-    def _station_report(self, ground: Ground, mono_ns: int) -> StationReport:
-        trust, until_ns = ground.trust, ground.trust.valid_until_ns
-        left_ns = until_ns - mono_ns if until_ns is not None and trust.state is TrustState.NORMAL else None
-        return StationReport(ground.site, trust.state, trust.sequence, left_ns, ground.refused, ground.is_alarmed(mono_ns), ground.missed)
-
-    def _trust_in(self, site: str) -> Trust:
-        """None in a station that the map names and the train does not listen to."""
-        return self._grounds[site].trust if site in self._grounds else Trust()
 
 
 def _refuse_unmapped(train: TrainConfig, track: TrackMap) -> None:
