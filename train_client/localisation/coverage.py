@@ -84,7 +84,7 @@ class Coverage(Generic[W]):
                 self._waiting.append(waits)
             elif self.of(waits.gps_ns, waits.sites) is not None:
                 found.append(waits.what)
-            elif vouched.covers(waits.gps_ns):
+            elif self._of(waits.gps_ns, site) is not None:
                 self._waiting.append(waits)  # for the others
         return found
 

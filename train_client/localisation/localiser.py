@@ -242,6 +242,7 @@ class TrainLocaliser:
     def _position(self, epoch: AlignedEpoch) -> PositionReport:
         """The place in an epoch: VALID if it is covered, PROVISIONAL as long as it may still be, UNKNOWN where there is none."""
         placed = self._place(epoch, self._here)
+        self._here = placed.sites
         if not placed.why_none and self._coverage.of(epoch.epoch_ns, placed.sites) is None:
             self._coverage.wait(epoch.epoch_ns, placed.sites, placed)
         return self._judged(placed, epoch.mono_ns)
@@ -280,23 +281,27 @@ class TrainLocaliser:
         return stations_at(self.track, [(place.edge, place.offset_m) for place in places if place is not None])
 
     def _judged(self, placed: _Placed, mono_ns: int) -> PositionReport:
-        fix, self._here = placed.fix, placed.sites
-        trust = self.trust
+        """An epoch that has waited for its confirmation needs that of where the train is by now too."""
+        fix, trust = placed.fix, self._grounds.trust({*placed.sites, *self._here})
         if fix.front is None:
             return self._report(mono_ns, Status.UNKNOWN, fix.reasons, fix)
         if trust in DENIED:
             return self._report(mono_ns, Status.UNKNOWN, (f"trust is {trust.value}",), fix)
         if placed.why_none:
             return self._report(mono_ns, Status.PROVISIONAL, (placed.why_none,), fix)
-        settled = self._whose_word_counts(fix, placed.sites) == placed.sites
-        covered = settled and placed.signals is not None and placed.signals == self._coverage.of(fix.gps_time_ns, placed.sites)
-        if trust is not TrustState.NORMAL or not covered:
+        if trust is not TrustState.NORMAL or not self._is_covered(placed):
             return self._report(mono_ns, Status.PROVISIONAL, (f"no NORMAL message covers this epoch; trust is {trust.value}",), fix)
         objection = self._progress.objection(fix)
         if objection:
             return self._report(mono_ns, Status.UNKNOWN, (objection,), fix)
         self._confirm(fix)
         return self._report(mono_ns, Status.VALID, (), fix)
+
+    def _is_covered(self, placed: _Placed) -> bool:
+        """Whether all whose word counts there vouch for it as it was solved."""
+        there = self._whose_word_counts(placed.fix, placed.sites)
+        signals = self._coverage.of(placed.fix.gps_time_ns, placed.sites)
+        return not isinstance(there, str) and set(there) <= set(placed.sites) and signals is not None and placed.signals == signals
 
     def _confirm(self, fix: Fix) -> None:
         there = self._stations_at(fix)
