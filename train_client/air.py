@@ -5,6 +5,7 @@ from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 
 from integrity.messages.key_expressions import CHALLENGE, HEALTH, site_key, train_key
+from integrity.messages.verification import cut
 from recordings.keys import KeyDates
 from recordings.link import Arrival, Link, Put, dial_link, nobody_at
 from recordings.tls_files import TlsFiles
@@ -12,6 +13,7 @@ from train_client.events import ChallengeAnswered, HealthReceived
 
 ANSWER_WITHIN_S = 1.0
 STOP_WITHIN_S = 3.0
+SAY_AGAIN_NS = 10_000_000_000
 
 Take = Callable[[HealthReceived | ChallengeAnswered], None]
 
@@ -34,7 +36,7 @@ class Air:
         self._connect = connect
         self._tls = tls
         self._stations = stations
-        self._refused = ""  # said last
+        self._refused_ns: int | None = None  # when a refusal was said last
         self._train_id = train_id
         self._take = take
         self._say = say
@@ -69,18 +71,20 @@ class Air:
         self._thread.join(STOP_WITHIN_S if self._link is not None else 0.0)
 
     def _answer(self, site: str, nonce: bytes, arrival: Arrival) -> None:
-        if self._counts(self._stations[site].of_answer(arrival.data)):
-            self._take(ChallengeAnswered(arrival.mono_ns, site, nonce, arrival.data, arrival.error))
+        data = cut(arrival.data)
+        if self._counts(self._stations[site].of_answer(data), arrival.mono_ns):
+            self._take(ChallengeAnswered(arrival.mono_ns, site, nonce, data, arrival.error))
 
     def _health(self, dates: KeyDates, arrival: Arrival) -> None:
-        if self._counts(dates.of_health(arrival.data)):
-            self._take(HealthReceived(arrival.mono_ns, arrival.key_expr, arrival.data))
+        data = cut(arrival.data)
+        if self._counts(dates.of_health(data), arrival.mono_ns):
+            self._take(HealthReceived(arrival.mono_ns, arrival.key_expr, data))
 
-    def _counts(self, refusal: str) -> bool:
-        """Whether there is no reason against it; a reason is said when it is another than before."""
-        if refusal and refusal != self._refused:
+    def _counts(self, refusal: str, mono_ns: int) -> bool:
+        """Whether there is no reason against it; a reason is said once every ten seconds: nobody can fill a journal from afar."""
+        if refusal and (self._refused_ns is None or mono_ns - self._refused_ns >= SAY_AGAIN_NS):
+            self._refused_ns = mono_ns
             self._say(f"not believed: {refusal}")
-        self._refused = refusal or self._refused
         return not refusal
 
     def _run(self) -> None:

@@ -16,7 +16,7 @@ from typing import Any
 from integrity.gnss.gps_time import format_utc
 from integrity.messages import wayside_pb2 as pb
 from integrity.messages.key_expressions import ALIVE, CHALLENGE, HEALTH, site_key
-from integrity.messages.verification import CAUSES, NONCE_BYTES, NS_PER_MS, Answer, HealthVerifier, Received
+from integrity.messages.verification import CAUSES, NONCE_BYTES, NS_PER_MS, Answer, HealthVerifier, Received, cut
 from recordings.keys import KeyDates
 from recordings.link import Arrival, Link
 
@@ -67,7 +67,7 @@ class Listener:
         self._challenge_at_mono_ns = self._challenged_mono_ns
         self._silent_at_mono_ns: int | None = time.monotonic_ns() + verifier.max_valid_ms * NS_PER_MS
         self._refused_answer = ""
-        link.subscribe(site_key(verifier.site, HEALTH), lambda arrival: self._enqueue(_Health(arrival, True)))
+        link.subscribe(site_key(verifier.site, HEALTH), lambda arrival: self._enqueue(_Health(_cut(arrival), True)))
         link.watch(site_key(verifier.site, ALIVE), lambda alive: self._enqueue(_Alive(alive)))
 
     def run(self, most_messages: int | None) -> None:
@@ -136,7 +136,7 @@ class Listener:
         if answer.boot_is_new and self._verifier.boot_id is not None:
             self._on_notice(f"{self._verifier.site} answers as boot {self._verifier.boot_id.hex()}")
             self._link.ask(
-                site_key(self._verifier.site, HEALTH), b"", ANSWER_WITHIN_S, lambda arrival: self._enqueue(_Health(arrival, False))
+                site_key(self._verifier.site, HEALTH), b"", ANSWER_WITHIN_S, lambda arrival: self._enqueue(_Health(_cut(arrival), False))
             )
 
     def _challenge_soon(self) -> None:
@@ -147,7 +147,7 @@ class Listener:
         self._challenged_mono_ns, self._challenge_at_mono_ns = now_ns, now_ns + CHALLENGE_EVERY_NS
         key_expr = site_key(self._verifier.site, CHALLENGE)
         sent_mono_ns = time.monotonic_ns()
-        self._link.ask(key_expr, nonce, ANSWER_WITHIN_S, lambda arrival: self._enqueue(_Answer(arrival, nonce, sent_mono_ns)))
+        self._link.ask(key_expr, nonce, ANSWER_WITHIN_S, lambda arrival: self._enqueue(_Answer(_cut(arrival), nonce, sent_mono_ns)))
 
     def _enqueue(self, item: _Health | _Answer | _Alive) -> None:
         """In a thread of the link: never waits."""
@@ -155,6 +155,10 @@ class Listener:
             self._waiting.put_nowait(item)
         except queue.Full:
             self._lost += 1
+
+
+def _cut(arrival: Arrival) -> Arrival:
+    return arrival._replace(data=cut(arrival.data))
 
 
 def as_line(received: Received) -> str:

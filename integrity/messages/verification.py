@@ -28,9 +28,13 @@ from integrity.states import Cause, State
 
 BOOT_ID_BYTES = 16
 NONCE_BYTES = 16
+KEY_ID_BYTES = 8
+MOST_BYTES = 65_536  # of a message: twenty times what a station with a hundred signals says
 NS_PER_MS = 1_000_000
 DRIFT_DIVISOR = 1000  # clocks part by at most 1e-3: each may be slewed by 500 ppm (adjtimex, Linux), in opposite directions
 
+TOO_LONG = f"too long: more than {MOST_BYTES} bytes"
+SHOWN_CHARACTERS = 64  # of a name that is not the right one
 STATES = {pb.NORMAL: State.NORMAL, pb.SATELLITE_ANOMALY: State.SATELLITE_ANOMALY, pb.NOT_CONFIRMABLE: State.NOT_CONFIRMABLE}
 CAUSES = {pb.CAUSE_UNSPECIFIED: Cause.NONE} | {pb.Cause.Value(cause.name): cause for cause in Cause if cause is not Cause.NONE}
 
@@ -61,6 +65,11 @@ class Received:
     def age_ms(self) -> float | None:
         """Bound of the age in milliseconds."""
         return None if self.age_ns is None else self.age_ns / NS_PER_MS
+
+
+def cut(data: bytes) -> bytes:
+    """No more of it than is needed to see that it is too long: what strangers send is not to be kept in queues and recordings."""
+    return data[: MOST_BYTES + 1]
 
 
 class Answer(NamedTuple):
@@ -135,7 +144,7 @@ class HealthVerifier:
         health, signed_data = opened
         refusal = self._identity_refusal(health) or self._superseded_refusal(health)
         if not refusal and self._tie and health.boot_id != self._tie.boot_id:
-            refusal = f"boot {health.boot_id.hex()} not confirmed yet: challenge it (in force is boot {self._tie.boot_id.hex()})"
+            refusal = f"boot not confirmed yet: challenge {health.boot_id.hex()} (in force is boot {self._tie.boot_id.hex()})"
             return Received(refusal, unconfirmed=True, sequence=health.sequence)
         refusal = refusal or self._sequence_refusal(health, signed_data)
         if refusal:
@@ -171,6 +180,8 @@ class HealthVerifier:
 
         If it is right, its boot is in force from now on, and the clocks are tied by it.
         """
+        if len(data) > MOST_BYTES:
+            return Answer(TOO_LONG)
         try:
             signed = pb.SignedChallengeReply.FromString(data)
             key_expr = site_key(self.site, CHALLENGE)
@@ -197,6 +208,8 @@ class HealthVerifier:
         expected = site_key(self.site, HEALTH)
         if key_expr != expected:
             return f"wrong place: came at {key_expr}, expected at {expected}"
+        if len(data) > MOST_BYTES:
+            return TOO_LONG
         try:
             signed = pb.SignedHealth.FromString(data)
             refusal = self._signature_refusal(signed.key_id, signed.signature, HEALTH_CONTEXT, key_expr, signed.health)
@@ -210,14 +223,14 @@ class HealthVerifier:
     def _signature_refusal(self, name: bytes, signature: bytes, context: bytes, key_expr: str, data: bytes) -> str:
         public = self._keys.get(name)
         if public is None:
-            return f"unknown key: {name.hex() or 'none named'} is not trusted for site {self.site}"
+            return f"unknown key: {_named(name, KEY_ID_BYTES) or 'none named'} is not trusted for site {self.site}"
         if not signature_is_right(public, signature, context, key_expr, data):
             return f"wrong signature: not made by key {name.hex()} over these bytes at {key_expr}"
         return ""
 
     def _identity_refusal(self, health: pb.Health) -> str:
         if health.site != self.site:
-            return f"wrong site: signed for {health.site!r}, expected {self.site!r}"
+            return f"wrong site: signed for {health.site[:SHOWN_CHARACTERS]!r}, expected {self.site!r}"
         if len(health.boot_id) != BOOT_ID_BYTES:
             return f"no boot: boot_id has {len(health.boot_id)} bytes, expected {BOOT_ID_BYTES}"
         return "" if health.sequence >= 1 else "no sequence: it is 0, and a boot begins with 1"
@@ -240,7 +253,7 @@ class HealthVerifier:
 
     def _answer_refusal(self, nonce: bytes, reply: pb.ChallengeReply, tie: Tie) -> str:
         if len(nonce) != NONCE_BYTES or reply.nonce != nonce:
-            return f"wrong nonce: {reply.nonce.hex() or 'none'} answered, {nonce.hex()} asked"
+            return f"wrong nonce: {_named(reply.nonce, NONCE_BYTES) or 'none'} answered, {nonce.hex()} asked"
         if len(tie.boot_id) != BOOT_ID_BYTES:
             return f"no boot: boot_id has {len(tie.boot_id)} bytes, expected {BOOT_ID_BYTES}"
         if self._tie and tie.sent_mono_ns < self._tie.sent_mono_ns:
@@ -253,6 +266,11 @@ class HealthVerifier:
         if not 0 <= round_trip_ns <= self.max_valid_ms * NS_PER_MS:
             return f"round trip of {round_trip_ns / NS_PER_MS:.1f} ms: expected 0 to {self.max_valid_ms} ms"
         return ""
+
+
+def _named(name: bytes, right_bytes: int) -> str:
+    """In hexadecimal; by its length where that is wrong."""
+    return name.hex() if len(name) in (0, right_bytes) else f"one of {len(name)} bytes"
 
 
 def _read_state(health: pb.Health, last_gps_time_ns: int | None) -> tuple[State, str]:

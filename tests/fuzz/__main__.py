@@ -10,7 +10,7 @@ import time
 
 from tests.fuzz.target import Finding, run
 
-NAMES = ("ubx", "rtcm", "rinex", "rinexnav", "hatanaka", "sbas", "words", "reception")
+NAMES = ("ubx", "rtcm", "rinex", "rinexnav", "hatanaka", "sbas", "words", "reception", "health")
 SHOWN_DIGITS = 400
 
 
@@ -40,6 +40,8 @@ def main() -> int:
     print(
         f"{options.target}: {outcome.touched} frames touched and {outcome.untouched} not, in {time.monotonic() - begun:.0f} s; told: {told}"
     )
+    memory = ", ".join(f"{mb:.1f}" for mb in outcome.resident_mb)
+    print(f"memory after the first batch, in the middle, at the end: {memory} MB")
     print(f"findings: {len(outcome.findings)}")
     return 1 if outcome.findings else 0
 

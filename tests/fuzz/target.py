@@ -10,6 +10,8 @@ from collections.abc import Callable, Sequence
 from random import Random
 from typing import NamedTuple
 
+import psutil
+
 from tests.fuzz.mutations import in_other_order
 
 SHARES_TOUCHED = (0.1, 0.6, 0.9)  # of the frames of a batch
@@ -43,12 +45,16 @@ class Finding(NamedTuple):
 
 
 class Outcome(NamedTuple):
-    """Of many batches: frames that were touched and that were not, what was told, findings by error and place, with their number."""
+    """Of many batches: frames that were touched and that were not, what was told, findings by error and place, with their number.
+
+    `resident_mb`: memory of this process after the first batch, in the middle and at the end.
+    """
 
     touched: int
     untouched: int
     told: Counter[str]
     findings: dict[tuple[str, str], tuple[Finding, int]]
+    resident_mb: tuple[float, ...]
 
 
 def batch(target: Target, rng: Random) -> list[Piece]:
@@ -65,6 +71,7 @@ def run(target: Target, frames: int, seed: int) -> Outcome:
     told: Counter[str] = Counter()
     findings: dict[tuple[str, str], tuple[Finding, int]] = {}
     touched = untouched = number = 0
+    resident_mb: list[float] = []
     while touched < frames:
         name = f"{seed}.{number}"
         pieces = batch(target, Random(name))
@@ -75,7 +82,9 @@ def run(target: Target, frames: int, seed: int) -> Outcome:
             findings[kind] = first, n + 1
         n_untouched = sum(piece.untouched for piece in pieces)
         touched, untouched, number = touched + len(pieces) - n_untouched, untouched + n_untouched, number + 1
-    return Outcome(touched, untouched, told, findings)
+        while touched >= len(resident_mb) * frames / 2 and len(resident_mb) < 3:
+            resident_mb.append(psutil.Process().memory_info().rss / 1e6)
+    return Outcome(touched, untouched, told, findings, tuple(resident_mb))
 
 
 def finding_of(target: Target, pieces: Sequence[Piece], seed: str, told: Counter[str]) -> Finding | None:

@@ -17,6 +17,10 @@ TARGETS = {
     "rinexnav": (600, {"sets", "problems"}),
     "hatanaka": (60, {"rows", "problems"}),
     "reception": (40, {"NORMAL", "NOT_CONFIRMABLE", "bad_frames"}),
+    "health": (
+        10_000,
+        {"trust NORMAL", "position VALID", "unreadable", "wrong signature", "older", "CONTRADICTION", "answer right", "snapshots"},
+    ),
 }
 
 

@@ -7,7 +7,7 @@ import pytest
 
 from integrity.messages import wayside_pb2 as pb
 from integrity.messages.signatures import sign_challenge_reply, sign_health
-from integrity.messages.verification import Answer, HealthVerifier, LastHealth, Received
+from integrity.messages.verification import MOST_BYTES, Answer, HealthVerifier, LastHealth, Received, cut
 from integrity.states import State
 from tests.unit.verifying import (
     BOOT,
@@ -77,7 +77,7 @@ REFUSED: dict[str, tuple[bytes, str]] = {
     "no boot": (signed(health(boot_id=b"")), "no boot: boot_id has 0 bytes, expected 16"),
     "short boot": (signed(health(boot_id=bytes(15))), "no boot: boot_id has 15 bytes, expected 16"),
     "no sequence": (signed(health(0)), "no sequence: it is 0"),
-    "unconfirmed boot": (signed(health(boot_id=NEXT_BOOT)), f"boot {NEXT_BOOT.hex()} not confirmed yet: challenge it"),
+    "unconfirmed boot": (signed(health(boot_id=NEXT_BOOT)), f"boot not confirmed yet: challenge {NEXT_BOOT.hex()} (in force"),
 }
 
 
@@ -92,6 +92,42 @@ def test_refused_with_its_reason(name: str) -> None:
 def test_what_is_refused_says_nothing(name: str) -> None:
     received = tied().health(PLACE, REFUSED[name][0], NOW)
     assert (received.verified, received.fresh, received.health, received.state) == (False, False, None, State.NOT_CONFIRMABLE)
+
+
+def of_bytes(size: int) -> bytes:
+    """A right message as long as that."""
+    room = size - len(signed(health(57, reasons=[""]))) - 5  # so many more bytes the greater lengths need
+    data = next(data for more in range(6) if len(data := signed(health(57, reasons=["r" * (room + more)]))) == size)
+    return data
+
+
+@pytest.mark.parametrize("size, refusal", [(MOST_BYTES, ""), (MOST_BYTES + 1, "too long: more than 65536 bytes")])
+def test_how_long_a_message_may_be(size: int, refusal: str) -> None:
+    assert tied().health(PLACE, of_bytes(size), NOW).refusal == refusal
+
+
+@pytest.mark.parametrize("size, refusal", [(MOST_BYTES, "unreadable"), (MOST_BYTES + 1, "too long")])
+def test_how_long_an_answer_may_be(size: int, refusal: str) -> None:
+    assert tied().challenge_answered(NONCE, NOW, NOW, b"\xff" * size).refusal.startswith(refusal)
+
+
+@pytest.mark.parametrize("size", [0, MOST_BYTES, MOST_BYTES + 1, 2 * MOST_BYTES])
+def test_what_is_cut_is_refused_as_the_whole_is(size: int) -> None:
+    data = b"\xff" * size
+    assert tied().health(PLACE, cut(data), NOW).refusal == tied().health(PLACE, data, NOW).refusal
+
+
+def test_no_more_is_kept_than_tells_that_it_is_too_long() -> None:
+    assert len(cut(bytes(2 * MOST_BYTES))) == MOST_BYTES + 1
+
+
+def test_a_name_of_another_length_is_told_by_its_length() -> None:
+    data = pb.SignedHealth(key_id=bytes(1000)).SerializeToString()
+    assert tied().health(PLACE, data, NOW).refusal.startswith("unknown key: one of 1000 bytes is not trusted")
+
+
+def test_of_a_long_site_the_beginning_is_told() -> None:
+    assert judged(tied(), health(site="s" * 1000)).refusal == f"wrong site: signed for {'s' * 64!r}, expected {SITE!r}"
 
 
 def test_without_keys_everything_is_refused() -> None:
