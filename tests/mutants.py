@@ -20,6 +20,8 @@ ROOT = Path(__file__).resolve().parent.parent
 LONGEST_S = 120.0
 TESTS = {
     "train_client/trust.py": ["tests/unit/train/test_trust.py"],
+    "train_client/alarm.py": ["tests/unit/train/test_alarm.py"],
+    "train_client/stop.py": ["tests/unit/train/test_stop.py"],
     "integrity/health.py": ["tests/unit/test_health.py"],
     "integrity/messages/verification.py": ["tests/unit/test_verification.py", "tests/unit/test_verification_freshness.py"],
     "integrity/messages/signatures.py": ["tests/unit/test_signatures.py"],

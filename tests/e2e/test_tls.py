@@ -6,92 +6,34 @@ import subprocess
 import sys
 import time
 from collections.abc import Iterator
-from contextlib import ExitStack, contextmanager
-from datetime import UTC, datetime
+from contextlib import ExitStack
 from pathlib import Path
 
 import pytest
 import zenoh
 
 from integrity.messages.key_expressions import CHALLENGE, HEALTH, site_key
-from recordings.certificates import Role, new_authority, new_certificate
 from recordings.keys import new_key, trusted_table
-from recordings.link import Access, Arrival, Link, dial_link, open_link
-from recordings.tls_files import TlsFiles, files_beside
+from recordings.link import Arrival, Link, dial_link
+from recordings.tls_files import TlsFiles
+from tests.e2e.attacks.certified import OTHER_SITE, SITE, Speaker, certificates_in, of, secured, speaking, strangers_in, tls_table
 from tests.e2e.field import REPOSITORY, SITE_ID, free_port, make_field, running_station, until
 from tests.e2e.router import running_router
 from tests.e2e.test_listen import started
-from tests.e2e.test_publisher import ROOT, environment
+from tests.e2e.test_publisher import environment
 from tests.e2e.train_field import make_train, running_train
 
-SITE, OTHER_SITE = "kokubunji-1", "kokubunji-2"
-READERS = ("r291", "r292", "router")
 LONG_ENOUGH_S = 0.5  # for what would come on loopback
 
 
 @pytest.fixture(scope="module")
 def certificates(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A folder with certificates of one authority; `guest` has a right one, and no rights; that of `late` has ended."""
-    folder = tmp_path_factory.mktemp("tls")
-    new_authority(folder, 30)
-    for name, role in ((SITE, Role.SITE), (OTHER_SITE, Role.SITE), (SITE_ID, Role.SITE), ("router", Role.ROUTER)):
-        new_certificate(folder, name, role, [], 30)
-    for name in ("r291", "r292", "guest"):
-        new_certificate(folder, name, Role.TRAIN, [], 30)
-    new_certificate(folder, "late", Role.TRAIN, [], 1, datetime(2025, 1, 1, tzinfo=UTC))
-    return folder
+    return certificates_in(tmp_path_factory.mktemp("tls"))
 
 
 @pytest.fixture(scope="module")
 def strangers(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """The same names by another authority."""
-    folder = tmp_path_factory.mktemp("strangers")
-    new_authority(folder, 30)
-    new_certificate(folder, "r291", Role.TRAIN, [], 30)
-    new_certificate(folder, SITE, Role.SITE, [], 30)
-    return folder
-
-
-def of(folder: Path, name: str) -> TlsFiles:
-    return files_beside(folder / f"{name}.pem")
-
-
-def speaker_process(listen: list[str], connect: list[str], certificate: str, site: str, honest: bool) -> None:
-    """Runs in a process of its own: a station's link, on which each line of stdin, `KEY TEXT`, is put.
-
-    Who is not honest has taken off his own rules, by which he would not put at the keys of another site.
-    """
-    with open_link(listen, connect, files_beside(Path(certificate)), Access(site, READERS) if honest else None) as link:
-        link.answer(site_key(site, CHALLENGE), "x", lambda nonce: nonce + b"!")
-        puts = {key: link.urgent(key, "x") for key in (site_key(SITE, HEALTH), site_key(OTHER_SITE, HEALTH))}
-        print("ready", flush=True)
-        for line in sys.stdin:
-            key, _, text = line.strip().partition(" ")
-            puts[key](text.encode())
-
-
-class Speaker:
-    def __init__(self, process: "subprocess.Popen[str]") -> None:
-        self.process = process
-
-    def put(self, key: str, text: str) -> None:
-        assert self.process.stdin
-        self.process.stdin.write(f"{key} {text}\n")
-        self.process.stdin.flush()
-
-
-@contextmanager
-def speaking(folder: Path, site: str, listen: list[str], connect: list[str], honest: bool = True) -> Iterator[Speaker]:
-    call = "from tests.e2e.test_tls import speaker_process as run; "
-    call += f"run({listen!r}, {connect!r}, {str(folder / f'{site}.pem')!r}, {site!r}, {honest})"
-    command = [sys.executable, "-c", call]
-    with subprocess.Popen(command, env=environment(), cwd=ROOT, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True) as process:
-        try:
-            assert process.stdout
-            assert process.stdout.readline() == "ready\n"
-            yield Speaker(process)
-        finally:
-            process.kill()
+    return strangers_in(tmp_path_factory.mktemp("strangers"))
 
 
 class Ear:
@@ -231,22 +173,13 @@ def test_a_station_is_heard_at_its_own_site_alone(certificates: Path) -> None:
         assert (control, ear.hears(second, own, "after"), set(ear.texts())) == ((True, True), True, {"of 1", "of 2", "after"})
 
 
-def secured(folder: Path, site_file: Path, endpoint: str, lines: str) -> None:
-    """The site file with TLS in the place of its open endpoint."""
-    key = f'key = "{site_file.parent}/keys/{SITE_ID}.pem"\n'
-    tls = "".join(f'{k} = "{v}"\n' for k, v in of(folder, SITE_ID)._asdict().items())
-    text = site_file.read_text().replace(f'listen = ["{endpoint}"]', lines)
-    site_file.write_text(text.replace(key, f"{key}[publish.tls]\n{tls}"))
-
-
 def test_station_train_and_listener_find_each_other_by_their_files(tmp_path: Path, certificates: Path) -> None:
     """Its receivers are silent: the station says so, each second, and who verifies it says NOT_CONFIRMABLE."""
     place = make_field(tmp_path, {name: f"tcp://127.0.0.1:{free_port()}" for name in "ABC"})
     endpoint = place.endpoint.replace("tcp/", "tls/")
-    secured(certificates, place.site_file, place.endpoint, f'listen = ["{endpoint}"]\nreaders = ["r291", "r292"]')
+    secured(of(certificates, SITE_ID), place.site_file, place.endpoint, f'listen = ["{endpoint}"]\nreaders = ["r291", "r292"]')
     train = make_train(place, {name: f"tcp://127.0.0.1:{free_port()}" for name in ("front", "rear")})
-    tls = "".join(f'{k} = "{v}"\n' for k, v in of(certificates, "r291")._asdict().items())
-    train.write_text(train.read_text().replace(place.endpoint, endpoint) + f"\n[publish.tls]\n{tls}")
+    train.write_text(train.read_text().replace(place.endpoint, endpoint) + f"\n{tls_table(of(certificates, 'r291'))}")
     command = [sys.executable, "-m", "wayside", "listen", SITE_ID, "--json", "--keys", str(place.trusted), "--count", "3"]
     with running_station(place), running_train(train):
         listener = subprocess.run(

@@ -16,7 +16,7 @@ from integrity.messages import wayside_pb2 as pb
 from integrity.messages.key_expressions import train_key
 from recordings.link import dial_link
 from recordings.simulate.server import ReceiverServer
-from tests.benchmarks.train_stops import ALLOWED_MS, VALID_FOR_MS, measure
+from tests.benchmarks.train_stops import line, measure
 from tests.e2e.field import REPOSITORY, make_field, playing, running_station
 from tests.e2e.train_field import ANTENNAS, both_measured, make_train, running_train, urls
 from train_client.track.track_map import content_sha256
@@ -151,6 +151,8 @@ def test_a_map_with_a_gap_is_refused(ridden: Ridden) -> None:
     assert (done.returncode, "gap" in done.stderr) == (2, True), done.stderr
 
 
-def test_trust_ends_in_time_when_the_station_is_killed_or_stopped() -> None:
-    """Two moments; `python -m tests.benchmarks.train_stops` tries thirty."""
-    assert measure(2, 5)["worst_ms"] <= VALID_FOR_MS + ALLOWED_MS
+def test_trust_ends_in_time_when_the_station_is_killed_or_stopped_or_cut_off() -> None:
+    """Six moments of the thousand of `python -m tests.benchmarks.train_stops`; how long others keep this machine busy does not count."""
+    found = measure(6, 3, 5)
+    assert (found["measured"], found["ended_otherwise"], found["errors"]) == (6, 0, []), line(found)
+    assert found["worst_unhindered_ms"] <= found["allowed_ms"], line(found)

@@ -12,7 +12,7 @@ from tests.model.world import MS, PPM, RECOVER_MESSAGES, VALID_MS, Event, Rules,
 
 def unsafe(rules: Rules, world: World) -> str:
     """The first rule that a state breaks."""
-    return _late(rules, world) or _too_soon(rules, world) or _time(rules, world)
+    return _late(rules, world) or _too_soon(rules, world) or _time(rules, world) or _no_way_back(rules, world)
 
 
 def broken(rules: Rules, before: World, event: Event) -> str:
@@ -62,6 +62,17 @@ def _boots(before: World, event: Event) -> str:
     if event.answer is None or not event.fits or event.answer.boot != new:
         return f"boot {new} in force, which did not answer this nonce within {VALID_MS} ms"
     return ""
+
+
+def _no_way_back(rules: Rules, world: World) -> str:
+    """Once nobody disturbs any more, one challenge and as many NORMAL messages as are asked for lead to trust: no denial lasts."""
+    calm, nonce = rules.ask(rules.pass_time(world, MS))
+    said = rules.answer(calm, nonce)
+    calm = rules.deliver_answer(said, nonce, said.answers[0].data, said.answers[0]).after
+    for _ in range(RECOVER_MESSAGES):
+        sent = rules.issue(calm, pb.NORMAL)
+        calm = rules.deliver(sent, sent.heard[0].data, true=sent.heard[0]).after
+    return "" if _normal(rules, calm) else f"{calm.trust} though nobody disturbs any more"
 
 
 def _time(rules: Rules, world: World) -> str:

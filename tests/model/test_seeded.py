@@ -26,11 +26,18 @@ IN_VERIFICATION: dict[str, tuple[str, Changes]] = {
     "any signature": ("insertion and masquerade", {"if not signature_is_right(public, signature, context, key_expr, data):": "if False:"}),
     "any site": ("insertion and masquerade", {"if health.site != self.site:": "if False:"}),
     "any place": ("insertion and masquerade", {"if key_expr != expected:": "if False:"}),
+    "a late answer puts the old boot in force": (
+        "challenges",
+        {
+            "if self._tie and tie.boot_id != self._tie.boot_id and tie.sent_mono_ns <= self._tie.received_mono_ns:": "if False:",
+        },
+    ),
+    "an answer supersedes its own boot": ("restarts", {"self._superseded.add(self._tie.boot_id)": "self._superseded.add(tie.boot_id)"}),
     "never too old": ("replay", {"fresh = 0 <= age_ns <= received.valid_ns": "fresh = 0 <= age_ns"}),
 }
 IN_TRUST: dict[str, tuple[str, Changes]] = {
     "what was refused counts": ("replay", {"if not received.verified or received.unconfirmed:": "if received.unconfirmed:"}),
-    "what is not fresh counts": ("replay", {"    if not received.fresh:\n        return Input.NOTHING\n": ""}),
+    "what is not fresh counts": ("replay", {"if not received.fresh or (held": "if (held"}),
     "down only if fresh": ("replay", {"if received.said is not State.NORMAL:": "if received.said is not State.NORMAL and received.fresh:"}),
     "one too few": ("restarts", {"now.normals + 1 >= limits": "now.normals + 2 >= limits"}),
     "down does not forget": ("restarts", {"Trust(told.state, 0, told": "Trust(told.state, now.normals, told"}),

@@ -1,15 +1,17 @@
 """Trust, row by row from every state, and to the nanosecond at both ends of validity. Times are of the train's clock."""
 
 from dataclasses import FrozenInstanceError
+from itertools import permutations, product
 from typing import NamedTuple
 
 import pytest
 
 from integrity.messages.verification import NS_PER_MS, Received
 from integrity.states import State
-from train_client.trust import Trust, TrustLimits, TrustState, after_message, after_time, next_change_ns
+from train_client.trust import Trust, TrustLimits, TrustState, after_message, after_time, next_change_ns, together
 
-NORMAL, ANOMALY, NOT_CONFIRMABLE, STALE, NO_COMMS = STATES = [state for state in TrustState if state is not TrustState.CONFLICT]
+CONFLICT = TrustState.CONFLICT
+NORMAL, ANOMALY, NOT_CONFIRMABLE, STALE, NO_COMMS = STATES = [state for state in TrustState if state is not CONFLICT]
 LIMITS = TrustLimits(recover_messages=3, no_comms_after_ns=2_000_000_000)
 NOW = 7_000_000_000_000
 VALID_NS, AGE_NS = 3_003 * NS_PER_MS, 1_001 * NS_PER_MS
@@ -210,3 +212,110 @@ def test_a_message_at_the_end_of_its_validity_ends_no_earlier_than_it_came(left_
     received = Received("", True, True, said=State.NORMAL, sequence=1, age_ns=VALID_NS - left_ns, valid_ns=VALID_NS)
     until_ns = after_message(Trust(), received, NOW, LIMITS).valid_until_ns
     assert until_ns is not None and until_ns >= NOW
+
+
+# While somebody else speaks in the station's name
+
+
+@pytest.mark.parametrize("state", [state for state in STATES if state is not NORMAL])
+@pytest.mark.parametrize("recover_messages", [1, 2, 3])
+def test_held_trust_neither_rises_nor_counts_towards_it(state: TrustState, recover_messages: int) -> None:
+    limits = LIMITS._replace(recover_messages=recover_messages)
+    assert after_message(BEFORE[state], message(), NOW, limits, held=True) is BEFORE[state]
+
+
+def test_held_trust_that_is_normal_stays_so() -> None:
+    assert after_message(BEFORE[NORMAL], message(), NOW, LIMITS, held=True) == Trust(NORMAL, 6, END_NS, SEQUENCE)
+
+
+@pytest.mark.parametrize("state", STATES)
+@pytest.mark.parametrize("name", [name for name in ROWS if not name.startswith("one ")])
+def test_held_or_not_everything_but_a_fresh_normal_means_the_same(name: str, state: TrustState) -> None:
+    received = ROWS[name].received
+    assert after_message(BEFORE[state], received, NOW, LIMITS, held=True) == after_message(BEFORE[state], received, NOW, LIMITS)
+
+
+@pytest.mark.parametrize("state", [state for state in STATES if state is not NORMAL])
+def test_released_from_the_hold_the_count_goes_on_where_it_was(state: TrustState) -> None:
+    held = after_message(BEFORE[state], message(), NOW, LIMITS, held=True)
+    assert after_message(held, message(), NOW, LIMITS) == after_message(BEFORE[state], message(), NOW, LIMITS)
+
+
+# Several stations
+
+
+@pytest.mark.parametrize("normals", [0, 1])
+def test_one_station_does_not_contradict_itself(normals: int) -> None:
+    with pytest.raises(ValueError, match=r"\Aone station does not contradict itself\Z"):
+        Trust(CONFLICT, normals, NOW)
+
+
+SAYING = {  # what each means beside others: a NORMAL that is not believed yet is a NORMAL, and silence nothing
+    "normal": (Trust(NORMAL, 5, NOW), NORMAL),
+    "one normal after an anomaly": (Trust(ANOMALY, 1, NOW), NORMAL),
+    "one normal after silence": (Trust(NOT_CONFIRMABLE, 1, NOW), NORMAL),
+    "anomaly": (Trust(ANOMALY, 0, NOW), ANOMALY),
+    "not confirmable": (Trust(NOT_CONFIRMABLE, 0, NOW), NOT_CONFIRMABLE),
+    "stale": (Trust(STALE, 0, NOW), None),
+    "no comms": (Trust(NO_COMMS, 0, NOW), None),
+    "never heard": (Trust(), None),
+}
+WORST = [ANOMALY, NOT_CONFIRMABLE, NO_COMMS, STALE, NORMAL]
+
+
+@pytest.mark.parametrize("name", SAYING)
+def test_what_a_station_has_said_last(name: str) -> None:
+    trust, says = SAYING[name]
+    assert trust.says is says
+
+
+@pytest.mark.parametrize("name", SAYING)
+def test_a_station_alone_is_trusted_as_it_is(name: str) -> None:
+    trust, _ = SAYING[name]
+    assert together([trust]) is trust.state
+
+
+def test_where_nobody_vouches_there_is_nobody_to_hear() -> None:
+    assert together([]) is NO_COMMS
+
+
+@pytest.mark.parametrize(
+    "names, state",
+    [
+        (("normal", "normal"), NORMAL),
+        (("normal", "stale"), STALE),
+        (("normal", "no comms"), NO_COMMS),
+        (("normal", "never heard"), NO_COMMS),
+        (("stale", "never heard"), NO_COMMS),
+        (("normal", "anomaly"), CONFLICT),
+        (("normal", "not confirmable"), CONFLICT),
+        (("anomaly", "not confirmable"), CONFLICT),
+        (("anomaly", "anomaly"), ANOMALY),
+        (("not confirmable", "not confirmable"), NOT_CONFIRMABLE),
+        (("anomaly", "never heard"), ANOMALY),
+        (("not confirmable", "no comms"), NOT_CONFIRMABLE),
+        (("normal", "one normal after an anomaly"), ANOMALY),  # both say NORMAL, one of them is not believed yet
+        (("normal", "one normal after silence"), NOT_CONFIRMABLE),
+        (("one normal after an anomaly", "anomaly"), CONFLICT),
+        (("one normal after an anomaly", "one normal after silence"), ANOMALY),
+        (("normal", "normal", "normal"), NORMAL),
+        (("normal", "stale", "anomaly"), CONFLICT),
+        (("stale", "anomaly", "never heard"), ANOMALY),
+    ],
+)
+def test_several_stations_together(names: tuple[str, ...], state: TrustState) -> None:
+    found = {together(SAYING[name][0] for name in order) for order in permutations(names)}
+    assert found == {state}
+
+
+@pytest.mark.parametrize("count", [2, 3])
+def test_no_combination_is_better_than_any_of_its_stations(count: int) -> None:
+    for several in product([trust for trust, _ in SAYING.values()], repeat=count):
+        found = together(several)
+        assert found is CONFLICT or WORST.index(found) == min(WORST.index(trust.state) for trust in several), several
+
+
+@pytest.mark.parametrize("count", [1, 2, 3])
+def test_normal_only_where_every_one_of_them_is(count: int) -> None:
+    for several in product([trust for trust, _ in SAYING.values()], repeat=count):
+        assert (together(several) is NORMAL) == all(trust.state is NORMAL for trust in several), several
