@@ -215,9 +215,10 @@ def test_a_fix_is_given_back_to_the_last_of_those_that_it_waits_for(order: tuple
     assert [coverage.vouch(site, vouched(10, 20)) for site in order] == [[], [], fixes(15)]
 
 
-def test_a_fix_does_not_wait_for_others() -> None:
+@pytest.mark.parametrize("first_ns", [10, 16])
+def test_a_fix_does_not_wait_for_others_and_they_do_not_take_it_away(first_ns: int) -> None:
     coverage = waiting(15, sites=(A,))
-    assert (coverage.vouch(B, vouched(10, 20)), coverage.vouch(A, vouched(10, 20))) == ([], fixes(15))
+    assert (coverage.vouch(B, vouched(first_ns, 20)), coverage.vouch(A, vouched(10, 20))) == ([], fixes(15))
 
 
 def test_a_station_that_is_ahead_does_not_take_away_what_waits_for_another() -> None:
