@@ -11,7 +11,7 @@ from integrity.messages.verification import Answer, Received
 
 ALARMING = 3
 WITHIN_NS = 10 * NS_PER_S
-OWN_WORDS = ("late answer", "which boot", "round trip")  # refused, and yet of the station itself: it, or the network, was slow
+OWN_WORDS = ("overtaken", "late answer", "which boot", "round trip")  # refused, and yet of the station: it, or the network, was slow
 
 
 class Alarm(NamedTuple):

@@ -113,7 +113,7 @@ class Listener:
             return 0
         refusal = self._dates.of_health(arrival.data)
         received = Received(refusal) if refusal else self._verifier.health(arrival.key_expr, arrival.data, arrival.mono_ns)
-        if not item.live and received.refusal.startswith(("repeated", "older")):
+        if not item.live and received.refusal.startswith(("repeated", "older", "overtaken")):
             return 0  # the live one was faster
         if received.verified:
             self._silent_at_mono_ns = arrival.mono_ns + received.valid_ns - (received.age_ns or 0) * received.fresh

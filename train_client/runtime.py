@@ -47,6 +47,7 @@ HOLD_NS = 10 * NS_PER_S  # so long the recording waits for the first epoch, to b
 SAY_AGAIN_NS = 10 * NS_PER_S
 INTERRUPTED = 130
 AIR = "the air"  # no antenna can be called so
+MOST_OF_AIR = 256  # messages not decided yet: 30 ms of signatures, so much later what else is due is decided in a flood of them
 
 Say = Callable[[str], None]
 Watch = Callable[[pb.TrainPosition], None]
@@ -66,7 +67,7 @@ def run_train(train: TrainFile, map_file: Path, say: Say, watch: Watch) -> int:
     check_tls(train.tls)
     sources = {name: url for name, url in train.sources.items() if url is not None}
     check_directory(train.directory)
-    inbox = Inbox[TrainEvent]()
+    inbox = Inbox[TrainEvent](shares={AIR: MOST_OF_AIR})
     recorder = Recorder(train.directory, manner_of(config, train.text, map_json, keys), say)
     airs = [
         Air(connect, train.tls, {site: dates[site] for site in sites}, config.train_id, lambda event: inbox.put_event(AIR, event), say)

@@ -243,10 +243,12 @@ class HealthVerifier:
 
     def _sequence_refusal(self, health: pb.Health, data: bytes) -> str:
         last = self._last_of(health.boot_id)
-        if health.sequence < max(last.sequence, last.told):
-            return f"older: sequence {health.sequence} after {max(last.sequence, last.told)}"
+        if health.sequence < last.sequence:
+            return f"older: sequence {health.sequence} after {last.sequence}"
         if health.sequence > last.sequence:
-            return ""
+            return (
+                "" if health.sequence >= last.told else f"overtaken: sequence {health.sequence}, a challenge has named {last.told} already"
+            )
         if data == last.data:
             return f"repeated: sequence {health.sequence} once more"
         return f"CONTRADICTION: sequence {health.sequence} signed twice with other bytes: two stations share a key, or it is stolen"

@@ -2,6 +2,7 @@
 
 import time
 from collections import Counter
+from collections.abc import Mapping
 from queue import Empty, SimpleQueue
 from threading import BoundedSemaphore
 from typing import Generic, TypeVar
@@ -17,11 +18,15 @@ E = TypeVar("E")
 
 
 class Inbox(Generic[E]):
-    """Of bytes of receivers and events E: any thread puts, one takes. What does not fit is dropped and counted, and told to who decides."""
+    """Of bytes of receivers and events E: any thread puts, one takes. What does not fit is dropped and counted, and told to who decides.
 
-    def __init__(self, most_pieces: int = MOST_PIECES) -> None:
-        self._queue: SimpleQueue[E | RawBytes | None] = SimpleQueue()
+    `shares`: how many pieces of a sender may wait at most, where strangers speak through it: what others bring shall not wait for theirs.
+    """
+
+    def __init__(self, most_pieces: int = MOST_PIECES, shares: Mapping[str, int] | None = None) -> None:
+        self._queue: SimpleQueue[tuple[str, E | RawBytes] | None] = SimpleQueue()
         self._most_pieces = most_pieces
+        self._shares = {sender: BoundedSemaphore(most) for sender, most in (shares or {}).items()}
         self._dropped: Counter[str] = Counter()
         self._told: Counter[str] = Counter()
         self._room: dict[str, BoundedSemaphore] = {}
@@ -33,10 +38,11 @@ class Inbox(Generic[E]):
 
     def put_event(self, sender: str, event: E | RawBytes) -> None:
         """What a sender brings. Never waits."""
-        if self._queue.qsize() < self._most_pieces:
-            self._queue.put(event)
-        else:
+        share = self._shares.get(sender)
+        if self._queue.qsize() >= self._most_pieces or (share is not None and not share.acquire(blocking=False)):
             self._dropped[sender] += 1
+        else:
+            self._queue.put((sender, event))
 
     def put_of_file(self, receiver: str, mono_ns: int, data: bytes) -> None:
         """For a source that can wait: waits until there is room."""
@@ -45,16 +51,20 @@ class Inbox(Generic[E]):
             while not room.acquire(timeout=0.1):
                 if self._closed:
                     return
-            self._queue.put(RawBytes(time.monotonic_ns(), receiver, data[begin : begin + FILE_PIECE_BYTES]))
+            self._queue.put((receiver, RawBytes(time.monotonic_ns(), receiver, data[begin : begin + FILE_PIECE_BYTES])))
 
     def take(self, until_mono_ns: int) -> E | RawBytes | None:
         """The next piece; None if none has come by then, or when woken."""
         try:
-            piece = self._queue.get(timeout=max(0.0, (until_mono_ns - time.monotonic_ns()) / 1e9))
+            taken = self._queue.get(timeout=max(0.0, (until_mono_ns - time.monotonic_ns()) / 1e9))
         except Empty:
             return None
-        if isinstance(piece, RawBytes) and piece.receiver in self._room:
-            self._room[piece.receiver].release()
+        if taken is None:
+            return None
+        sender, piece = taken
+        for room in (self._room.get(sender), self._shares.get(sender)):
+            if room is not None:
+                room.release()
         return piece
 
     def dropped(self) -> dict[str, int]:

@@ -119,6 +119,7 @@ def main() -> None:
     parser.add_argument("--seconds", type=int, default=600, help="measured, after those in which trust rises")
     parser.add_argument("--settling", type=int, default=20, help="seconds in which trust rises")
     parser.add_argument("--spread-ms", type=float, default=50.0, help="all stations speak within so long after the full second")
+    parser.add_argument("--starts-within-ms", type=float, default=1000.0, help="trains start when they like; 0: all challenge at once")
     parser.add_argument("--plain", action="store_true", help="TCP, without certificates and rights")
     parser.add_argument("--json", action="store_true")
     arguments = parser.parse_args()
@@ -134,6 +135,7 @@ def main() -> None:
             settling_s=arguments.settling,
             seconds=arguments.seconds,
             spread_ms=arguments.spread_ms,
+            starts_within_ms=arguments.starts_within_ms,
             recover_messages=10,
         )
         found = measure(plan)

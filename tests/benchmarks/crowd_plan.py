@@ -10,6 +10,7 @@ from recordings.certificates import Role, new_authority, new_certificate
 from recordings.keys import new_key
 from recordings.tls_files import TlsFiles, files_beside
 
+GOLDEN = 0.6180339887498949  # multiples of it spread evenly, neighbours far apart
 FOLLOWED = 2  # stations of a train
 PLAN, ROUTER = "plan.json", "router"
 PERIOD_NS = 1_000_000_000
@@ -18,8 +19,10 @@ STATIONS_PER_PROCESS, TRAINS_PER_PROCESS = 50, 50  # of 100 trains, one thread o
 
 @dataclass(frozen=True)
 class Plan:
-    """`spread_ms`: within so long after the full second all stations publish, each always at its own moment. Message n belongs to the n-th
-    second; measured are those after `settling_s`, `seconds` of them. `recover_messages`: as in the train file."""
+    """`spread_ms`: within so long after the full second all stations publish, each always at its own moment; `starts_within_ms`: so the
+    trains begin to challenge. Message n belongs to the n-th second; measured are those after `settling_s`, `seconds` of them.
+    `recover_messages`: as in the train file.
+    """
 
     folder: str
     endpoint: str
@@ -28,6 +31,7 @@ class Plan:
     settling_s: int
     seconds: int
     spread_ms: float
+    starts_within_ms: float
     recover_messages: int
 
     @property
@@ -64,8 +68,11 @@ class Plan:
 
     def delay_ns(self, site: str) -> int:
         """From the full second to its message: evenly spread, neighbours far apart."""
-        golden = 0.6180339887498949
-        return round(self.sites().index(site) * golden % 1.0 * self.spread_ms * 1e6)
+        return round(self.sites().index(site) * GOLDEN % 1.0 * self.spread_ms * 1e6)
+
+    def starts_ns(self, train: int) -> int:
+        """After the first second: when it begins to challenge, and then does so every second."""
+        return round(train * GOLDEN % 1.0 * self.starts_within_ms * 1e6)
 
     def write(self) -> None:
         (Path(self.folder) / PLAN).write_text(json.dumps(asdict(self)))

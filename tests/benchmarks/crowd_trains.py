@@ -60,6 +60,7 @@ class Train:
         self, plan: Plan, config: TrainConfig, number: int, row: int, inbox: Inbox[tuple[int, Words]], up: threading.Semaphore
     ) -> None:
         self.sites = plan.followed(number)
+        self.starts_ns = plan.starts_ns(number)
         self._plan = plan
         self._row = row
         self._which = {site_key(site, HEALTH): k for k, site in enumerate(self.sites)}
@@ -141,8 +142,9 @@ class Train:
 def ride(plan: Plan, trains: Sequence[Train], inbox: Inbox[tuple[int, Words]], base_ns: int, found: Found) -> None:
     """Decide until the last message has come."""
     end_ns = base_ns + (plan.last + LINGERS_S) * PERIOD_NS
-    alarm_ns = [0] * len(trains)  # of each train, when it is looked at next: the entry of the heap that counts
-    heap = [(0, row) for row in range(len(trains))]
+    alarm_ns = [base_ns + train.starts_ns for train in trains]  # of each, when it is looked at next: the entry of the heap that counts
+    heap = [(at_ns, row) for row, at_ns in enumerate(alarm_ns)]
+    heapq.heapify(heap)
 
     def set_alarm(row: int) -> None:
         alarm_ns[row] = trains[row].due_ns

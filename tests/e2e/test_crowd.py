@@ -32,6 +32,7 @@ def found(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Any]:
         settling_s=5,
         seconds=SECONDS,
         spread_ms=50.0,
+        starts_within_ms=0.0,
         recover_messages=3,
     )
     return measure(plan)

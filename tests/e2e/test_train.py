@@ -152,7 +152,7 @@ def test_a_map_with_a_gap_is_refused(ridden: Ridden) -> None:
 
 
 def test_trust_ends_in_time_when_the_station_is_killed_or_stopped_or_cut_off() -> None:
-    """Six moments of the thousand of `python -m tests.benchmarks.train_stops`; how long others keep this machine busy does not count."""
-    found = measure(6, 3, 5)
-    assert (found["measured"], found["ended_otherwise"], found["errors"]) == (6, 0, []), line(found)
+    """Thirty moments of the thousand of `python -m tests.benchmarks.train_stops`; how long others keep this machine busy does not count."""
+    found = measure(30, 5, 5)
+    assert (found["measured"], found["ended_otherwise"], found["errors"]) == (30, 0, []), line(found)
     assert found["worst_unhindered_ms"] <= found["allowed_ms"], line(found)

@@ -12,7 +12,11 @@ IN_VERIFICATION: dict[str, tuple[str, Changes]] = {
     "half the drift": ("replay", {"abs(before_ns)) // DRIFT_DIVISOR": "abs(before_ns)) // (4 * DRIFT_DIVISOR)"}),
     "the round trip forgotten": ("late answer", {"now_mono_ns - self.sent_mono_ns, ": "now_mono_ns - self.received_mono_ns, "}),
     "an equal sequence accepted": ("replay", {"if health.sequence > last.sequence:": "if health.sequence >= last.sequence:"}),
-    "a lower sequence accepted": ("replay", {"if health.sequence < max(last.sequence, last.told):": "if False:"}),
+    "a lower sequence accepted": (
+        "replay",
+        {"if health.sequence < last.sequence:": "if False:", "if health.sequence > last.sequence:": "if data != last.data:"},
+    ),
+    "an overtaken one accepted": ("replay", {">= last.told else": ">= 0 else"}),
     "the last message forgotten": ("replay", {"self._last = before._replace(": "before._replace("}),
     "superseded boots forgotten": (
         "challenges",

@@ -67,3 +67,27 @@ def test_a_closed_inbox_lets_the_reader_of_a_file_go() -> None:
     inbox.close()
     reader.join(2.0)
     assert not reader.is_alive()
+
+
+def test_a_sender_with_a_share_leaves_room_for_others() -> None:
+    inbox = Inbox[RawBytes](shares={"air": 2})
+    for sender in ("air", "air", "air", "A"):
+        inbox.put(sender, 1, sender.encode())
+    assert ([take(inbox).data for _ in range(3)], inbox.dropped()) == ([b"air", b"air", b"A"], {"air": 1})  # type: ignore[union-attr]
+
+
+def test_what_was_taken_makes_room_in_the_share() -> None:
+    inbox = Inbox[RawBytes](shares={"air": 1})
+    for n in range(5):
+        inbox.put("air", n, b"")
+        assert take(inbox) is not None
+    assert inbox.dropped() == {}
+
+
+def test_what_the_whole_inbox_has_no_room_for_takes_nothing_of_the_share() -> None:
+    inbox = Inbox[RawBytes](most_pieces=1, shares={"air": 1})
+    inbox.put("A", 1, b"")
+    inbox.put("air", 1, b"")
+    assert (take(inbox) is not None, inbox.dropped()) == (True, {"air": 1})
+    inbox.put("air", 2, b"")
+    assert take(inbox) is not None

@@ -187,7 +187,14 @@ def test_a_refused_message_leaves_the_order_as_it_was() -> None:
 def test_a_challenge_tells_what_is_older_to_a_train_that_has_heard_nothing() -> None:
     verifier = HealthVerifier(SITE, [KEY.public], 3000)
     answered(verifier, sequence=57)
-    assert judged(verifier, health(56)).refusal == "older: sequence 56 after 57"
+    assert judged(verifier, health(56)).refusal == "overtaken: sequence 56, a challenge has named 57 already"
+
+
+def test_a_copy_of_the_last_message_is_one_also_where_a_challenge_has_named_a_later_one() -> None:
+    verifier = tied()
+    judged(verifier, health(41))
+    answered(verifier, sent_ns=T0 + MS, sequence=57)
+    assert judged(verifier, health(41)).refusal == "repeated: sequence 41 once more"
 
 
 def test_the_message_that_a_challenge_names_counts() -> None:
@@ -297,7 +304,7 @@ def test_what_is_told_stays_told_when_a_later_answer_tells_less() -> None:
     verifier = tied()
     answered(verifier, sent_ns=T0 + MS, sequence=57)
     answered(verifier, sent_ns=T0 + 2 * MS, sequence=3)
-    assert judged(verifier, health(56)).refusal == "older: sequence 56 after 57"
+    assert judged(verifier, health(56)).refusal == "overtaken: sequence 56, a challenge has named 57 already"
 
 
 def test_of_the_last_sequence_and_the_one_told_the_later_counts() -> None:

@@ -22,6 +22,7 @@ ALARMING = [
 HARMLESS = [
     Received("", True, True),
     Received("repeated: sequence 3 once more", sequence=3),
+    Received("overtaken: sequence 3, a challenge has named 7 already", sequence=3),
     Received("boot 00 not confirmed yet: challenge it", unconfirmed=True, sequence=3),
     Answer(""),
     Answer("late answer: one to a later challenge has come already"),
