@@ -147,7 +147,7 @@ class Link:
 
         def reply(query: zenoh.Query) -> None:
             try:
-                query.reply(key_expr, answerer(bytes(query.payload or b"")), encoding=encoding, **_URGENT)
+                query.reply(key_expr, answerer(bytes(query.payload or b"")), encoding=encoding, **_ASKED)
             except QueryRefused as refusal:
                 query.reply_err(str(refusal))
 
@@ -191,7 +191,7 @@ class Link:
             timeout=timeout_s,
             target=zenoh.QueryTarget.ALL,  # not the nearest alone: that may be a stranger
             consolidation=zenoh.ConsolidationMode.NONE,
-            **_URGENT,
+            **_ASKED,
         )
 
     def _put_of(self, publisher: zenoh.Publisher | ext.AdvancedPublisher) -> Put:
@@ -208,6 +208,7 @@ _URGENT: dict[str, Any] = {
     "priority": zenoh.Priority.REAL_TIME,
     "express": True,
 }
+_ASKED = _URGENT | {"express": False}  # questions and answers may share a batch: many at once would else be dropped
 
 
 def _arrival(sample: zenoh.Sample) -> Arrival:
