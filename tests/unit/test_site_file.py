@@ -299,8 +299,10 @@ def test_the_hash_changes_with_what_decisions_depend_on(edit: tuple[str, str]) -
 
 @pytest.mark.parametrize(
     "edit",
-    [("10.0.0.2:2000", "10.0.0.3:2000"), ("# of the coordinates", ""), ("/var/lib/wayside", "/tmp"), ("= 30.0", "= 30")]
-    + [("valid_for_ms = 3000", f'valid_for_ms = 3000\nmap_sha256 = ["{"0a" * 32}"]')],
+    [
+        *[("10.0.0.2:2000", "10.0.0.3:2000"), ("# of the coordinates", ""), ("/var/lib/wayside", "/tmp"), ("= 30.0", "= 30")],
+        ("valid_for_ms = 3000", f'valid_for_ms = 3000\nmap_sha256 = ["{"0a" * 32}"]'),
+    ],
 )
 def test_the_hash_does_not_change_with_what_they_do_not_depend_on(edit: tuple[str, str]) -> None:
     assert parse_site(edited(edit), "s").config.config_sha256 == parse_site(SITE, "s").config.config_sha256
