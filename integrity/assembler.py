@@ -15,6 +15,7 @@ from integrity.gnss.atmosphere import Klobuchar
 from integrity.gnss.ephemeris.store import EphemerisStore
 from integrity.gnss.observations import ObservationRow, same_measurements
 from integrity.gnss.receiver_status import ReceiverStatus
+from integrity.lateness import Fastest, after_epoch
 from integrity.monitors.told import Dispute
 
 MOST_PENDING_EPOCHS = 64  # of receivers whose times never meet
@@ -42,11 +43,14 @@ class AlignmentLimits(Protocol):
 
 @dataclass(frozen=True)
 class AlignedEpoch:
-    """Rows in the order of the receivers, complete at `mono_ns`; `arrived` ephemerides, ionosphere, hearsay and disputes known by then,
-    when each receiver was heard last (R,), and the last tick."""
+    """Rows in the order of the receivers, complete at `mono_ns`, measured at `measured_mono_ns` (`lateness`).
+
+    `arrived` ephemerides, ionosphere, hearsay and disputes known by then, when each receiver was heard last (R,), and the last tick.
+    """
 
     epoch_ns: int
     mono_ns: int
+    measured_mono_ns: int
     rows: tuple[ObservationRow, ...]
     arrived: int
     klobuchar: Klobuchar | None
@@ -82,6 +86,7 @@ class AssemblerState:
     last_rows: tuple[ObservationRow, ...] = ()
     statuses: Statuses = ()
     tick: Tick | None = None
+    fastest: Fastest | None = None
 
 
 class Assembler:
@@ -108,6 +113,7 @@ class Assembler:
         self._last_rows: Mapping[str, ObservationRow] = {row.receiver: row for row in state.last_rows}
         self._statuses = state.statuses
         self._last_tick = state.tick
+        self._fastest = state.fastest
         self._disputes = disputes
 
     def state(self) -> AssemblerState:
@@ -124,6 +130,7 @@ class Assembler:
             last_rows=tuple(self._last_rows.values()),
             statuses=self._statuses,
             tick=self._last_tick,
+            fastest=self._fastest,
         )
 
     @property
@@ -197,10 +204,12 @@ class Assembler:
         if silent and not self._silence_told:
             gap = [self._interruption(mono_ns, (), UNALIGNED)]  # no tick came to notice it
         self.last_epoch_ns, self._aligned_ns, self._silence_told, self._last_rows = epoch_ns, mono_ns, False, complete
+        self._fastest = after_epoch(self._fastest, epoch_ns, mono_ns)
+        measured_mono_ns = self._fastest.measured_mono_ns(epoch_ns)
         rows_in_order = tuple(complete[r] for r in self._receivers)
         heard_ns = tuple(self._heard_ns[r] for r in self._receivers)
         known = (len(self._store), self._klobuchar, self._statuses, heard_ns, self._last_tick, self._disputes)
-        return [*gap, AlignedEpoch(epoch_ns, mono_ns, rows_in_order, *known)]
+        return [*gap, AlignedEpoch(epoch_ns, mono_ns, measured_mono_ns, rows_in_order, *known)]
 
     def _give_up(self, epoch_ns: int) -> None:
         self.dropped.update(self._pending.pop(epoch_ns).keys())

@@ -61,11 +61,15 @@ class EpochReport:
 
 @dataclass(frozen=True)
 class HealthReport:
-    """What is published after an epoch, or as a heartbeat while a stream is silent (`gps_time_ns` is then of the last epoch)."""
+    """What is published after an epoch, or as a heartbeat while a stream is silent (`gps_time_ns` is then of the last epoch).
+
+    `mono_ns`: when the epoch was complete, or silence seen; `issued_mono_ns`: when it was measured, from which validity runs.
+    """
 
     sequence: int
     gps_time_ns: int | None
     mono_ns: int
+    issued_mono_ns: int
     valid_for_ms: int
     state: State
     cause: Cause

@@ -31,6 +31,7 @@ from integrity.gnss.ephemeris.broadcast import Ephemeris
 from integrity.gnss.ephemeris.store import EphemerisStore
 from integrity.health import Health, after_epoch, after_silence
 from integrity.hearsay import remarks, told_apart
+from integrity.lateness import late
 from integrity.monitor_memory import MonitorMemory
 from integrity.monitors import clocks, signal
 from integrity.naming import LastClean
@@ -198,10 +199,11 @@ class StationMonitor:
         n_used = int(np.count_nonzero(full.used[e]))
         self._audit = audit.advance(self._audit, epoch.epoch_ns, report.statistic, bool(decided.clean[e]), n_used, self._audited)
         said = (*remarks(epoch.statuses, self.triangle), *told_apart(epoch.disputes, epoch.epoch_ns))
-        reasons = (*verdict.reasons, *left_out, *lacking, *said, *self._remarks(decided, e))
+        reasons = (*verdict.reasons, *left_out, *lacking, *said, *late(epoch.mono_ns, epoch.measured_mono_ns), *self._remarks(decided, e))
         vouched = vouched_for(decided.sight, full, e, self.limits)
         not_monitored = (*report.not_monitored, *signal.silent_on(epoch.statuses, self.site.receiver_names))
-        health = self._health_report(epoch.epoch_ns, epoch.mono_ns, reasons, not_monitored, vouched, report.excluded)
+        times = (epoch.epoch_ns, epoch.mono_ns, epoch.measured_mono_ns)
+        health = self._health_report(*times, reasons, not_monitored, vouched, report.excluded)
         return [report, health, *self._alerts(before, epoch.epoch_ns, epoch.mono_ns, reasons)]
 
     def _remarks(self, decided: Decided, e: int) -> tuple[str, ...]:
@@ -240,13 +242,14 @@ class StationMonitor:
         verdict = Verdict(State.NOT_CONFIRMABLE, Cause.DATA, interrupted.receivers, reasons=reasons)
         before, self._health = self._health, after_silence(self._health, verdict)
         gps_ns, mono_ns = interrupted.last_epoch_ns, interrupted.mono_ns
-        health = self._health_report(gps_ns, mono_ns, reasons, (), (), tuple(sorted(self._memory.exclusions)))
+        health = self._health_report(gps_ns, mono_ns, mono_ns, reasons, (), (), tuple(sorted(self._memory.exclusions)))
         return [health, *self._alerts(before, gps_ns, mono_ns, reasons)]
 
     def _health_report(
         self,
         gps_ns: int | None,
         mono_ns: int,
+        issued_mono_ns: int,
         reasons: tuple[str, ...],
         not_monitored: tuple[str, ...],
         vouched: tuple[MonitoredSignal, ...],
@@ -258,6 +261,7 @@ class StationMonitor:
             sequence=self._sequence,
             gps_time_ns=gps_ns,
             mono_ns=mono_ns,
+            issued_mono_ns=issued_mono_ns,
             valid_for_ms=self.site.valid_for_ms,
             state=now.state,
             cause=now.cause,

@@ -19,6 +19,7 @@ from typing import Any, NamedTuple
 
 import zenoh
 from zenoh import ext
+from zenoh.handlers import Callback
 
 from integrity.errors import LinkError
 from integrity.messages.key_expressions import ALERT, site_key
@@ -151,11 +152,11 @@ class Link:
             except QueryRefused as refusal:
                 query.reply_err(str(refusal))
 
-        self._kept.append(self._session.declare_queryable(key_expr, _said_not_lost(reply)))
+        self._kept.append(self._session.declare_queryable(key_expr, _at_once(reply)))
 
     def subscribe(self, key_expr: str, take: Callable[[Arrival], None]) -> None:
         """Hand on whatever is put at the key expression from now on."""
-        self._kept.append(self._session.declare_subscriber(key_expr, _said_not_lost(lambda sample: take(_arrival(sample)))))
+        self._kept.append(self._session.declare_subscriber(key_expr, _at_once(lambda sample: take(_arrival(sample)))))
 
     def subscribe_remembered(self, key_expr: str, most: int, take: Callable[[Arrival], None]) -> None:
         """The same for what is published as `remembered`: up to `most` from before come first."""
@@ -186,7 +187,7 @@ class Link:
 
         self._session.get(
             key_expr,
-            _said_not_lost(hand_on),
+            _at_once(hand_on),
             payload=payload,
             timeout=timeout_s,
             target=zenoh.QueryTarget.ALL,  # not the nearest alone: that may be a stranger
@@ -217,6 +218,11 @@ def _arrival(sample: zenoh.Sample) -> Arrival:
 
 def _encoding(schema: str) -> zenoh.Encoding:
     return zenoh.Encoding("application/protobuf").with_schema(schema)
+
+
+def _at_once(callback: Callable[[Any], None]) -> "Callback[Any]":
+    """One that is called in the thread that reads the link, for what is short. Zenoh would else start a thread for each question."""
+    return Callback(_said_not_lost(callback), indirect=False)
 
 
 def _said_not_lost(callback: Callable[[Any], None]) -> Callable[[Any], None]:

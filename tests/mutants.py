@@ -23,6 +23,7 @@ TESTS = {
     "train_client/alarm.py": ["tests/unit/train/test_alarm.py"],
     "train_client/stop.py": ["tests/unit/train/test_stop.py"],
     "integrity/health.py": ["tests/unit/test_health.py"],
+    "integrity/lateness.py": ["tests/unit/test_lateness.py"],
     "integrity/messages/verification.py": ["tests/unit/test_verification.py", "tests/unit/test_verification_freshness.py"],
     "integrity/messages/signatures.py": ["tests/unit/test_signatures.py"],
 }

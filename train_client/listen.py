@@ -61,7 +61,7 @@ class Listener:
         self._verifier = verifier
         self._on_message = on_message
         self._on_notice = on_notice
-        self._waiting: queue.Queue[_Health | _Answer | _Alive] = queue.Queue(MOST_WAITING)
+        self._waiting: queue.SimpleQueue[_Health | _Answer | _Alive] = queue.SimpleQueue()
         self._lost = 0
         self._challenged_mono_ns = time.monotonic_ns() - CHALLENGE_EVERY_NS
         self._challenge_at_mono_ns = self._challenged_mono_ns
@@ -151,9 +151,9 @@ class Listener:
 
     def _enqueue(self, item: _Health | _Answer | _Alive) -> None:
         """In a thread of the link: never waits."""
-        try:
-            self._waiting.put_nowait(item)
-        except queue.Full:
+        if self._waiting.qsize() < MOST_WAITING:
+            self._waiting.put(item)
+        else:
             self._lost += 1
 
 

@@ -39,7 +39,7 @@ def encode_health(health: HealthReport, site: SiteConfig, software: str, boot_id
         sequence=health.sequence,
         gps_time_ns=health.gps_time_ns,
         utc_ns=None if health.gps_time_ns is None else utc_from_gps(health.gps_time_ns),
-        issued_mono_ns=health.mono_ns,
+        issued_mono_ns=health.issued_mono_ns,
         valid_for_ms=health.valid_for_ms,
         covers_from_gps_ns=None if covers_to_ns is None else covers_to_ns - site.epoch_interval_ns + 1,
         covers_to_gps_ns=covers_to_ns,

@@ -9,6 +9,7 @@ from integrity.errors import DecodeError
 from integrity.exclusion import Exclusion
 from integrity.gnss.observations import Floats, Ints
 from integrity.health import Health
+from integrity.lateness import Fastest
 from integrity.messages import wayside_pb2 as pb
 from integrity.messages.ephemerides import decode_ephemeris, encode_ephemeris
 from integrity.messages.inputs import (
@@ -64,6 +65,7 @@ def encode_snapshot(snapshot: Snapshot, receivers: tuple[str, ...], mono_ns: int
         last_rows=[encode_row(row, 0) for row in assembler.last_rows],
         monitors=None if snapshot.monitors is None else encode_monitors(snapshot.monitors),
         tick=encode_tick(assembler.tick),
+        fastest=None if assembler.fastest is None else pb.Fastest(**assembler.fastest._asdict()),
         silent=snapshot.silent,
     )
 
@@ -91,6 +93,7 @@ def decode_snapshot(message: pb.Snapshot) -> Snapshot:
         _rows([s.pseudorange_m for s in message.streams], shape),
         _rows([s.cn0_baseline_dbhz for s in message.streams], shape),
     )
+    fastest = message.fastest
     assembler = AssemblerState(
         pending=tuple((p.epoch_ns, tuple(decode_row(row) for row in p.rows)) for p in message.pending),
         last_epoch_ns=message.last_epoch_ns if message.HasField("last_epoch_ns") else None,
@@ -103,6 +106,7 @@ def decode_snapshot(message: pb.Snapshot) -> Snapshot:
         last_rows=tuple(decode_row(row) for row in message.last_rows),
         statuses=tuple(sorted((receiver, decode_status(status)) for receiver, status in message.status.items())),
         tick=decode_tick(message.tick) if message.HasField("tick") else None,
+        fastest=Fastest(fastest.since_gps_ns, fastest.offset_ns, fastest.offset_before_ns) if message.HasField("fastest") else None,
     )
     last = message.last_clean
     n = len(message.receiver)

@@ -357,6 +357,16 @@ class Exclusion(_message.Message):
     threshold: float
     def __init__(self, satellite: _Optional[str] = ..., since_ns: _Optional[int] = ..., check: _Optional[str] = ..., statistic: _Optional[float] = ..., threshold: _Optional[float] = ..., clean_since_ns: _Optional[int] = ..., clean_epochs: _Optional[int] = ...) -> None: ...
 
+class Fastest(_message.Message):
+    __slots__ = ["offset_before_ns", "offset_ns", "since_gps_ns"]
+    OFFSET_BEFORE_NS_FIELD_NUMBER: _ClassVar[int]
+    OFFSET_NS_FIELD_NUMBER: _ClassVar[int]
+    SINCE_GPS_NS_FIELD_NUMBER: _ClassVar[int]
+    offset_before_ns: int
+    offset_ns: int
+    since_gps_ns: int
+    def __init__(self, since_gps_ns: _Optional[int] = ..., offset_ns: _Optional[int] = ..., offset_before_ns: _Optional[int] = ...) -> None: ...
+
 class GainMemory(_message.Message):
     __slots__ = ["epoch_ns", "usual"]
     EPOCH_NS_FIELD_NUMBER: _ClassVar[int]
@@ -790,7 +800,7 @@ class SlowMemory(_message.Message):
     def __init__(self, epoch_ns: _Optional[int] = ..., u: _Optional[_Iterable[float]] = ..., cusum: _Optional[_Iterable[float]] = ...) -> None: ...
 
 class Snapshot(_message.Message):
-    __slots__ = ["aligned_ns", "cause", "clean_epochs", "clean_since_ns", "dropped", "ephemerides", "exclusions", "heard_ns", "ionosphere", "last_clean", "last_epoch_ns", "last_rows", "monitors", "mono_ns", "pending", "receiver", "reception", "refused_ephemerides", "sequence", "signal", "silence_told", "silent", "started", "state", "status", "streams", "streams_epoch_ns", "subjects", "tick"]
+    __slots__ = ["aligned_ns", "cause", "clean_epochs", "clean_since_ns", "dropped", "ephemerides", "exclusions", "fastest", "heard_ns", "ionosphere", "last_clean", "last_epoch_ns", "last_rows", "monitors", "mono_ns", "pending", "receiver", "reception", "refused_ephemerides", "sequence", "signal", "silence_told", "silent", "started", "state", "status", "streams", "streams_epoch_ns", "subjects", "tick"]
     class DroppedEntry(_message.Message):
         __slots__ = ["key", "value"]
         KEY_FIELD_NUMBER: _ClassVar[int]
@@ -819,6 +829,7 @@ class Snapshot(_message.Message):
     DROPPED_FIELD_NUMBER: _ClassVar[int]
     EPHEMERIDES_FIELD_NUMBER: _ClassVar[int]
     EXCLUSIONS_FIELD_NUMBER: _ClassVar[int]
+    FASTEST_FIELD_NUMBER: _ClassVar[int]
     HEARD_NS_FIELD_NUMBER: _ClassVar[int]
     IONOSPHERE_FIELD_NUMBER: _ClassVar[int]
     LAST_CLEAN_FIELD_NUMBER: _ClassVar[int]
@@ -848,6 +859,7 @@ class Snapshot(_message.Message):
     dropped: _containers.ScalarMap[str, int]
     ephemerides: _containers.RepeatedCompositeFieldContainer[Ephemeris]
     exclusions: _containers.RepeatedCompositeFieldContainer[Exclusion]
+    fastest: Fastest
     heard_ns: _containers.ScalarMap[str, int]
     ionosphere: Ionosphere
     last_clean: LastClean
@@ -870,7 +882,7 @@ class Snapshot(_message.Message):
     streams_epoch_ns: int
     subjects: _containers.RepeatedScalarFieldContainer[str]
     tick: Tick
-    def __init__(self, mono_ns: _Optional[int] = ..., receiver: _Optional[_Iterable[str]] = ..., signal: _Optional[_Iterable[str]] = ..., streams_epoch_ns: _Optional[int] = ..., streams: _Optional[_Iterable[_Union[StreamMemory, _Mapping]]] = ..., pending: _Optional[_Iterable[_Union[PendingEpoch, _Mapping]]] = ..., last_epoch_ns: _Optional[int] = ..., heard_ns: _Optional[_Mapping[str, int]] = ..., aligned_ns: _Optional[int] = ..., dropped: _Optional[_Mapping[str, int]] = ..., refused_ephemerides: _Optional[int] = ..., ionosphere: _Optional[_Union[Ionosphere, _Mapping]] = ..., ephemerides: _Optional[_Iterable[_Union[Ephemeris, _Mapping]]] = ..., exclusions: _Optional[_Iterable[_Union[Exclusion, _Mapping]]] = ..., state: _Optional[_Union[State, str]] = ..., cause: _Optional[_Union[Cause, str]] = ..., subjects: _Optional[_Iterable[str]] = ..., clean_since_ns: _Optional[int] = ..., clean_epochs: _Optional[int] = ..., sequence: _Optional[int] = ..., last_clean: _Optional[_Union[LastClean, _Mapping]] = ..., silence_told: bool = ..., reception: _Optional[_Iterable[_Union[ReceptionMemory, _Mapping]]] = ..., status: _Optional[_Mapping[str, ReceiverStatus]] = ..., last_rows: _Optional[_Iterable[_Union[Observations, _Mapping]]] = ..., started: bool = ..., monitors: _Optional[_Union[MonitorMemory, _Mapping]] = ..., tick: _Optional[_Union[Tick, _Mapping]] = ..., silent: _Optional[_Iterable[str]] = ...) -> None: ...
+    def __init__(self, mono_ns: _Optional[int] = ..., receiver: _Optional[_Iterable[str]] = ..., signal: _Optional[_Iterable[str]] = ..., streams_epoch_ns: _Optional[int] = ..., streams: _Optional[_Iterable[_Union[StreamMemory, _Mapping]]] = ..., pending: _Optional[_Iterable[_Union[PendingEpoch, _Mapping]]] = ..., last_epoch_ns: _Optional[int] = ..., heard_ns: _Optional[_Mapping[str, int]] = ..., aligned_ns: _Optional[int] = ..., dropped: _Optional[_Mapping[str, int]] = ..., refused_ephemerides: _Optional[int] = ..., ionosphere: _Optional[_Union[Ionosphere, _Mapping]] = ..., ephemerides: _Optional[_Iterable[_Union[Ephemeris, _Mapping]]] = ..., exclusions: _Optional[_Iterable[_Union[Exclusion, _Mapping]]] = ..., state: _Optional[_Union[State, str]] = ..., cause: _Optional[_Union[Cause, str]] = ..., subjects: _Optional[_Iterable[str]] = ..., clean_since_ns: _Optional[int] = ..., clean_epochs: _Optional[int] = ..., sequence: _Optional[int] = ..., last_clean: _Optional[_Union[LastClean, _Mapping]] = ..., silence_told: bool = ..., reception: _Optional[_Iterable[_Union[ReceptionMemory, _Mapping]]] = ..., status: _Optional[_Mapping[str, ReceiverStatus]] = ..., last_rows: _Optional[_Iterable[_Union[Observations, _Mapping]]] = ..., started: bool = ..., monitors: _Optional[_Union[MonitorMemory, _Mapping]] = ..., tick: _Optional[_Union[Tick, _Mapping]] = ..., silent: _Optional[_Iterable[str]] = ..., fastest: _Optional[_Union[Fastest, _Mapping]] = ...) -> None: ...
 
 class Started(_message.Message):
     __slots__ = ["boot_id", "config_sha256", "gps_time_ns", "mono_ns", "site", "site_toml", "software"]

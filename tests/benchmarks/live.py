@@ -42,7 +42,7 @@ MB = 1e6
 
 
 def listen(endpoint: str, trusted: Path, out: Path) -> None:
-    """The listener's process: verify as messages come, write `gps_time_ns mono_ns state` of each, until stdin closes."""
+    """The listener's process: verify as messages come, write `gps_time_ns mono_ns state arrived_mono_ns` of each, until stdin closes."""
     verifier = HealthVerifier(SITE_ID, keys_of(read_trusted(trusted), SITE_ID, trusted), 3000)
     with out.open("w", buffering=1) as file, dial_link([endpoint], lambda: None) as link:
 
@@ -52,7 +52,7 @@ def listen(endpoint: str, trusted: Path, out: Path) -> None:
             if received.health is None:
                 file.write(f"refused {received.refusal}\n")
             else:
-                file.write(f"{received.health.gps_time_ns} {done_ns} {received.said} {received.health.issued_mono_ns} {arrival.mono_ns}\n")
+                file.write(f"{received.health.gps_time_ns} {done_ns} {received.said} {arrival.mono_ns}\n")
 
         link.subscribe(site_key(SITE_ID, HEALTH), take)
         sys.stdin.read()
@@ -168,9 +168,8 @@ def _summary(
     verified = [line.split() for line in heard if not line.startswith("refused")]
     latency_ms = np.array([(int(done) - sent_ns[int(gps)]) / 1e6 for gps, done, *_ in verified if int(gps) in sent_ns])
     parts_ms = {
-        "sent to read": [(int(issued) - sent_ns[int(gps)]) / 1e6 for gps, _, _, issued, _ in verified if int(gps) in sent_ns],
-        "read to put and received": [(int(arrived) - int(issued)) / 1e6 for _, _, _, issued, arrived in verified],
-        "verification": [(int(done) - int(arrived)) / 1e6 for _, done, _, _, arrived in verified],
+        "sent to arrived": [(int(arrived) - sent_ns[int(gps)]) / 1e6 for gps, _, _, arrived in verified if int(gps) in sent_ns],
+        "verification": [(int(done) - int(arrived)) / 1e6 for _, done, _, arrived in verified],
     }
     settled = [b for t, b in rss if t >= min(SETTLED_AFTER_S, seconds / 2)]
     quarter = max(1, len(settled) // 4)

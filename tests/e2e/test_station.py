@@ -160,12 +160,33 @@ def test_a_frozen_station_publishes_nothing_and_comes_back(tmp_path: Path) -> No
             assert until(lambda: heard.states[-1:] == [pb.NORMAL], 15.0)
             station.send_signal(signal.SIGSTOP)
             time.sleep(0.3)  # what was on its way
-            count = len(heard.health)
+            count, said = len(heard.health), len(talk(field))
             time.sleep(3.0)
             assert len(heard.health) == count
             station.send_signal(signal.SIGCONT)
-            assert until(lambda: pb.NOT_CONFIRMABLE in heard.states[count:], 3.0)
+            assert until(lambda: "NOT_CONFIRMABLE" in talk(field)[said:], 3.0)  # on the air it may come before the link is up again
+            assert until(lambda: len(heard.health) > count and heard.states[-1] == pb.NORMAL, 15.0)
+
+
+def test_what_a_station_says_after_a_standstill_is_as_old_as_its_epochs(tmp_path: Path) -> None:
+    with served(tmp_path) as (field, server), running_station(field) as station, listening(field) as heard:
+        server.wait_for_clients()
+        with playing(server, measured(field.site, 30.0)):
             assert until(lambda: heard.states[-1:] == [pb.NORMAL], 15.0)
+            station.send_signal(signal.SIGSTOP)
+            time.sleep(1.2)
+            station.send_signal(signal.SIGCONT)
+            count = len(heard.health)
+            assert until(lambda: len(heard.health) >= count + 10, 5.0)
+        assert stopped(station) == 0
+    (path,) = field.recordings()
+    health = [entry.message for entry in read_recording(path).entries if isinstance(entry.message, pb.Health)]
+    offsets_ns: dict[int, int] = {}  # by epoch; a heartbeat names the one before it again
+    for message in health:
+        offsets_ns.setdefault(message.gps_time_ns, message.issued_mono_ns - message.gps_time_ns)
+    settled_ns = list(offsets_ns.values())[5:]
+    assert max(settled_ns) - min(settled_ns) < 250_000_000
+    assert any("later than others" in reason for message in health for reason in message.reasons)
 
 
 def test_a_full_disk_stops_the_recording_and_nothing_else(tmp_path: Path) -> None:
