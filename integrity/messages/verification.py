@@ -18,8 +18,8 @@ from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from typing import NamedTuple
 
-from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PublicKey
 from google.protobuf.message import DecodeError
+from nacl.signing import VerifyKey
 
 from integrity.messages import wayside_pb2 as pb
 from integrity.messages.key_expressions import CHALLENGE, HEALTH, site_key
@@ -122,7 +122,7 @@ class HealthVerifier:
         start = memory or VerifierMemory()
         self.site = site
         self.max_valid_ms = max_valid_ms
-        self._keys = {key_id(raw): Ed25519PublicKey.from_public_bytes(raw) for raw in keys}
+        self._keys = {key_id(raw): VerifyKey(raw) for raw in keys}
         self._tie = start.tie
         self._last = start.last
         self._superseded = set(start.superseded)

@@ -1,6 +1,6 @@
-"""The code that is checked: the real source, with signatures that cost 2 us instead of 100. One place, one substitution.
+"""The code that is checked: the real source, with signatures that cost 2 us instead of 54. One place, one substitution.
 
-`Ed25519PublicKey` is what `integrity.messages.verification` asks for a verdict. The stand-in is as exact about who signed what: its
+`VerifyKey` is what `integrity.messages.verification` asks for a verdict. The stand-in is as exact about who signed what: its
 signature is a hash over the secret and over the very bytes that are signed, so that another key, another place, another kind of message
 or another byte is another signature. `test_stand_in.py` shows that both judge alike.
 """
@@ -11,8 +11,8 @@ from pathlib import Path
 from types import ModuleType
 from typing import Any, NamedTuple, cast
 
-from cryptography.exceptions import InvalidSignature
 from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PrivateKey
+from nacl.exceptions import BadSignatureError
 
 import train_client.trust
 from integrity.messages import verification
@@ -35,16 +35,12 @@ class StandInKey:
     def __init__(self, secret: bytes) -> None:
         self._secret = secret
 
-    @classmethod
-    def from_public_bytes(cls, raw: bytes) -> "StandInKey":
-        return cls(raw)
-
     def sign(self, data: bytes) -> bytes:
         return hashlib.blake2b(data, key=self._secret).digest()
 
-    def verify(self, signature: bytes, data: bytes) -> None:
+    def verify(self, data: bytes, signature: bytes) -> None:
         if signature != self.sign(data):
-            raise InvalidSignature
+            raise BadSignatureError
 
 
 def real() -> Code:
@@ -55,7 +51,7 @@ def real() -> Code:
 def quick(in_verification: Changes | None = None, in_trust: Changes | None = None) -> Code:
     """The same source with the stand-in, and with a change to it, if one is given. Raises ValueError if the change finds no place."""
     checked = _copy(verification, in_verification or {})
-    checked.__dict__["Ed25519PublicKey"] = StandInKey
+    checked.__dict__["VerifyKey"] = StandInKey
     return Code(checked, _copy(train_client.trust, in_trust or {}), _stand_in_key)
 
 

@@ -3,7 +3,8 @@
 from dataclasses import FrozenInstanceError
 
 import pytest
-from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PrivateKey, Ed25519PublicKey
+from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PrivateKey
+from nacl.signing import VerifyKey
 
 from integrity.messages import wayside_pb2 as pb
 from integrity.messages.signatures import (
@@ -28,7 +29,7 @@ REPLY_SIGNATURE = (
     "23cd019f6c4f4ab61b2d5c6df93fcc3dee0b75da2d067705a3ad222b96e7bb22b38771f906a7c6212f5db8b8a91ad80d4c8eff172a7648d91fb74326daec3c06"
 )
 PLACE = "wayside/v1/kokubunji-1/health"
-PUBLIC = Ed25519PublicKey.from_public_bytes(KEY.public)
+PUBLIC = VerifyKey(KEY.public)
 
 
 def test_a_key_is_named_by_the_first_eight_bytes_of_the_hash_of_its_public_half() -> None:
@@ -50,7 +51,7 @@ def test_a_signed_answer_is_these_bytes() -> None:
 def test_a_signature_counts_for_its_kind_of_message_its_place_and_its_bytes_only() -> None:
     signature = sign_health(KEY, PLACE, pb.Health(site="kokubunji-1")).signature
     data = pb.Health(site="kokubunji-1").SerializeToString()
-    other = Ed25519PrivateKey.generate().public_key()
+    other = VerifyKey(signing_key(Ed25519PrivateKey.generate()).public)
     shortened = signature[:-1]
     cases = {
         "as signed": (PUBLIC, signature, HEALTH_CONTEXT, PLACE, data),
