@@ -30,6 +30,7 @@ LEASE_MS = 1000  # a peer that is silent for so long is gone; its death without 
 URGENT_BATCHES = 16  # on their way out, the most that Zenoh takes; of its own 2 the third message of one instant is dropped after 1 ms
 RETRY_MS = (200, 1000)  # first and longest pause between attempts to connect
 ALERT_HEARTBEAT_S = 0.5  # how late a lost last alert is noticed
+TIME_IS_UP = "Timeout"  # the error that Zenoh itself answers with
 
 Put = Callable[[bytes], None]
 
@@ -177,13 +178,13 @@ class Link:
         self._kept.append(watcher)
 
     def ask(self, key_expr: str, payload: bytes, timeout_s: float, take: Callable[[Arrival], None]) -> None:
-        """Send a query and return at once; every answer within the time is handed on. Nobody there: none comes."""
+        """Send a query and return at once; every answer within the time is handed on. Nobody there, or silent: none comes."""
 
         def hand_on(reply: zenoh.Reply) -> None:
             if reply.ok is not None:
                 take(_arrival(reply.ok))
-            elif reply.err is not None:
-                take(Arrival(key_expr, b"", time.monotonic_ns(), bytes(reply.err.payload).decode(errors="replace")))
+            elif reply.err is not None and (words := bytes(reply.err.payload).decode(errors="replace")) != TIME_IS_UP:
+                take(Arrival(key_expr, b"", time.monotonic_ns(), words))
 
         self._session.get(
             key_expr,

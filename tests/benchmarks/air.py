@@ -1,9 +1,10 @@
 """From decision to verified health: `python -m tests.benchmarks.air [--seconds 60] [--json]`.
 
-A station's publisher at 10 Hz in a process of its own: a moment is stamped, a health of usual size built, signed and put. The subscriber,
-another process, is the one of `wayside listen`: it challenges, verifies, and lets trust follow; then the moment is stamped again (one
-monotonic clock serves all processes of a machine). Once over TCP, once over TLS with certificates and rights from peer to peer, once over
-TLS through the shipped router. Then how many messages a second one core verifies, trust included, beside the bare Ed25519 of the library.
+A station at 10 Hz in a process of its own, which decides on what three simulated receivers measure: when the decision is there the moment
+is stamped, its health is encoded, signed and put. The subscriber, another process, is the one of `wayside listen`: it challenges,
+verifies, and lets trust follow; then the moment is stamped again (one monotonic clock serves all processes of a machine). Once over TCP,
+once over TLS with certificates and rights from peer to peer, once over TLS through the shipped router. Then how many messages a second
+one core verifies, trust included, beside the bare Ed25519 of the library.
 """
 
 import argparse
@@ -14,27 +15,32 @@ import subprocess
 import sys
 import tempfile
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from contextlib import ExitStack, contextmanager
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from nacl.signing import VerifyKey
 
+from integrity import SOFTWARE
+from integrity.events import Event, Tick
 from integrity.messages import wayside_pb2 as pb
 from integrity.messages.key_expressions import CHALLENGE, HEALTH, site_key
+from integrity.messages.outputs import encode_health
 from integrity.messages.signatures import HEALTH_CONTEXT, SigningKey, sign_challenge_reply, sign_health, signature_is_right
 from integrity.messages.verification import NONCE_BYTES, HealthVerifier, Received
+from integrity.outputs import HealthReport
+from integrity.station_monitor import StationMonitor
 from recordings.certificates import Role, new_authority, new_certificate
 from recordings.keys import KeyDates, TrustedKey, load_key, new_key
 from recordings.link import Access, dial_link, open_link
-from recordings.site_file import parse_site
 from recordings.tls_files import files_beside
 from station.publisher import Publisher
-from tests.e2e.field import REPOSITORY, free_port
+from station.runtime import CHORES_AFTER, LOOK_AHEAD_NS
+from tests.e2e.field import REPOSITORY, free_port, make_field, measured
 from tests.e2e.router import running_router
-from tests.unit.sites import SITE
 from train_client.listen import Listener
 from train_client.trust import Trust, TrustLimits, TrustState, after_message, after_time
 
@@ -44,7 +50,10 @@ FIRST_NS = 1_456_000_000_000_000_000
 VALID_MS = 3000
 SATELLITES = [f"{system}{n:02d}.1C" for system in "GEC" for n in range(1, 12)]
 LIMITS = TrustLimits(10, 2_000_000_000)
-SETTLING = 20  # messages: the link, the challenge, caches
+SETTLING = 50  # messages: the link, the challenge, the station's and the train's recovery
+SOURCES = {"A": "tcp://127.0.0.1:2001", "B": "tcp://127.0.0.1:2002", "C": "tcp://127.0.0.1:2003"}  # nobody dials them
+MISSED = 30  # epochs before the subscriber is there
+LINGERS_S = 60
 ASKED_MS = {"tls": (1.0, 3.0), "tls router": (None, 8.0)}  # p50, p99
 ASKED_PER_S = 6000
 MESSAGES = 20_000
@@ -66,21 +75,50 @@ def health(sequence: int, boot_id: bytes, issued_mono_ns: int) -> pb.Health:
     return message
 
 
-def speak(endpoints: Sequence[str], connects: Sequence[str], folder: Path, secured: bool) -> None:
-    """The station's process, until it is killed."""
+def speak(endpoints: Sequence[str], connects: Sequence[str], folder: Path, secured: bool, epochs: int) -> None:
+    """The station's process: decide and put each epoch, with its chores at the times of a station's; then wait to be killed."""
     tls = files_beside(folder / f"{SITE_ID}.pem") if secured else None
     boot_id = os.urandom(16)
+    with tempfile.TemporaryDirectory() as name:
+        site = make_field(Path(name), SOURCES, PERIOD_NS / 1e9, site_id=SITE_ID).site
+    measurements = list(by_epoch(measured(site, epochs * PERIOD_NS / 1e9)))
+    monitor = StationMonitor(site.config)
     with open_link(endpoints, connects, tls, Access(SITE_ID, (READER, "router")) if secured else None) as link:
-        publisher = Publisher(link, parse_site(SITE, "site.toml").config, load_key(folder / "signing.pem"), boot_id, "wayside benchmark")
+        publisher = Publisher(link, site.config, load_key(folder / "signing.pem"), boot_id, SOFTWARE)
         gc.collect()
         gc.freeze()
         gc.disable()  # as the station does
         print("ready", flush=True)
-        due_ns, sequence = time.monotonic_ns(), 0
-        while True:
-            due_ns, sequence = due_ns + PERIOD_NS, sequence + 1
-            time.sleep(max(0, due_ns - time.monotonic_ns()) / 1e9)
-            publisher.health(health(sequence, boot_id, time.monotonic_ns()))
+        began_ns = time.monotonic_ns()
+        for number, events in enumerate(measurements, 1):
+            due_ns = began_ns + number * PERIOD_NS
+            sleep_until(due_ns - LOOK_AHEAD_NS)
+            monitor.look_ahead()
+            sleep_until(due_ns)
+            outputs = monitor.feed(events)
+            decided_mono_ns = time.monotonic_ns()
+            for report in outputs:
+                if isinstance(report, HealthReport):
+                    now = replace(report, issued_mono_ns=decided_mono_ns)
+                    publisher.health(encode_health(now, site.config, SOFTWARE, boot_id))
+            sleep_until(due_ns + round(CHORES_AFTER * PERIOD_NS))
+            gc.collect()
+        time.sleep(LINGERS_S)
+
+
+def by_epoch(events: Iterable[Event]) -> Iterator[list[Event]]:
+    """What comes up to each tick: an epoch of all receivers."""
+    pending: list[Event] = []
+    for event in events:
+        pending.append(event)
+        if isinstance(event, Tick):
+            yield pending
+            pending = []
+
+
+def sleep_until(mono_ns: int) -> None:
+    """At once, if that is over."""
+    time.sleep(max(0, mono_ns - time.monotonic_ns()) / 1e9)
 
 
 def hear(endpoint: str, folder: Path, secured: bool, messages: int) -> None:
@@ -124,10 +162,10 @@ def latencies_ms(setup: str, folder: Path, seconds: float) -> dict[str, float]:
         else:
             endpoint = f"{setup}/127.0.0.1:{free_port()}"
             listen, connect = endpoint, ""
-        speaker = stack.enter_context(_process("--speak", listen, connect, folder, secured))
+        messages = SETTLING + round(seconds * 1e9 / PERIOD_NS)
+        speaker = stack.enter_context(_process("--speak", listen, connect, folder, secured, messages + MISSED))
         assert speaker.stdout
         assert speaker.stdout.readline() == "ready\n"
-        messages = SETTLING + round(seconds * 1e9 / PERIOD_NS)
         listener = stack.enter_context(_process("--hear", endpoint, folder, secured, messages))
         out, _ = listener.communicate()
         assert listener.returncode == 0, f"the subscriber ended with {listener.returncode}"
@@ -187,12 +225,12 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--seconds", type=float, default=60.0, help="of each setup")
     parser.add_argument("--json", action="store_true")
-    parser.add_argument("--speak", nargs=4, help=argparse.SUPPRESS)
+    parser.add_argument("--speak", nargs=5, help=argparse.SUPPRESS)
     parser.add_argument("--hear", nargs=4, help=argparse.SUPPRESS)
     arguments = parser.parse_args()
     if arguments.speak:
-        listen, connect, folder, secured = arguments.speak
-        speak([listen] if listen else [], [connect] if connect else [], Path(folder), secured == "True")
+        listen, connect, folder, secured, epochs = arguments.speak
+        speak([listen] if listen else [], [connect] if connect else [], Path(folder), secured == "True", int(epochs))
         return
     if arguments.hear:
         endpoint, folder, secured, messages = arguments.hear

@@ -10,14 +10,12 @@ connections until trust has ended: a train that heard the new boot would stop fo
 import random
 import signal
 import socket
-import threading
 import time
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import ExitStack, contextmanager
 from dataclasses import replace
 from enum import Enum
-from itertools import takewhile
 from pathlib import Path as FilePath
 from typing import NamedTuple, TypedDict
 
@@ -28,7 +26,7 @@ from recordings.link import Arrival, dial_link
 from recordings.simulate.server import ReceiverServer
 from tests.benchmarks.stops_path import Passage, Path
 from tests.benchmarks.stops_train import TellingTrain, Told, Waits, is_trusted, telling_train
-from tests.e2e.field import SITE_ID, Field, make_field, running_station, until
+from tests.e2e.field import SITE_ID, Field, make_field, playing, running_station, until
 from tests.e2e.train_field import ANTENNAS, make_train, urls
 
 INTERVAL_S = 0.1
@@ -102,6 +100,10 @@ class LosingField:
         """Return when the station listens; FieldFailed where it does not."""
         log = self._place.folder / "station.log"
         self._await(lambda: "listening at" in log.read_text(), TRUSTS_WITHIN_S, "the station does not listen")
+
+    def sent(self, _: str, epoch_ns: int, mono_ns: int) -> None:
+        """A receiver has sent that epoch."""
+        self.sent_mono_ns.setdefault(epoch_ns, mono_ns)
 
     def trusts(self) -> None:
         """Return when there is trust; FieldFailed where it does not come."""
@@ -219,7 +221,7 @@ def losing_field(folder: FilePath, events: Iterable[Event], train_nice: int) -> 
         path = stack.enter_context(Path((host, int(port))))
         train_file = make_train(replace(place, endpoint=f"tcp/{path.address[0]}:{path.address[1]}"), sources)
         field = LosingField(place, path, stack.enter_context(telling_train(train_file, train_nice)), stack)
-        stack.enter_context(_playing(server, events, field.sent_mono_ns))
+        stack.enter_context(playing(server, events, field.sent))
         field.started()
         link = stack.enter_context(dial_link([place.endpoint], lambda: None))
         link.subscribe(site_key(SITE_ID, HEALTH), lambda arrival: _observe(arrival, field.normals))
@@ -239,20 +241,3 @@ def _observe(arrival: Arrival, normals: deque[Normal]) -> None:
     health = pb.Health.FromString(pb.SignedHealth.FromString(arrival.data).health)
     if health.state == pb.NORMAL:
         normals.append(Normal(health.boot_id, health.sequence, health.issued_mono_ns, health.gps_time_ns))
-
-
-@contextmanager
-def _playing(server: ReceiverServer, events: Iterable[Event], sent_mono_ns: dict[int, int]) -> Iterator[None]:
-    """The receivers send in the background, and it is noted when."""
-    ended = threading.Event()
-
-    def sent(_: str, epoch_ns: int, mono_ns: int) -> None:
-        sent_mono_ns.setdefault(epoch_ns, mono_ns)
-
-    player = threading.Thread(target=server.play, args=(takewhile(lambda _: not ended.is_set(), events), 1.0, sent))
-    player.start()
-    try:
-        yield
-    finally:
-        ended.set()
-        player.join()

@@ -18,7 +18,7 @@ from integrity.gnss.gps_time import parse_utc
 from recordings.keys import new_key, trusted_table
 from recordings.simulate.observations import antennas_of, simulate
 from recordings.simulate.rtcm import as_sent
-from recordings.simulate.server import ReceiverServer
+from recordings.simulate.server import ReceiverServer, Sent
 from recordings.site_file import SiteFile, load_site
 from tests.unit.sites import A_ECEF_M, B_ECEF_M, C_ECEF_M
 
@@ -126,10 +126,10 @@ def until(condition: object, within_s: float) -> bool:
 
 
 @contextmanager
-def playing(server: ReceiverServer, events: Iterable[Event]) -> Iterator[None]:
-    """The server plays in the background, until the events or this block end."""
+def playing(server: ReceiverServer, events: Iterable[Event], sent: Sent | None = None) -> Iterator[None]:
+    """The server plays in the background, until the events or this block end; `sent` is told of every burst."""
     ended = threading.Event()
-    player = threading.Thread(target=server.play, args=(takewhile(lambda _: not ended.is_set(), events),))
+    player = threading.Thread(target=server.play, args=(takewhile(lambda _: not ended.is_set(), events), 1.0, sent))
     player.start()
     try:
         yield

@@ -10,13 +10,12 @@ import subprocess
 import sys
 import time
 from collections.abc import Callable, Iterator
-from contextlib import AbstractContextManager, contextmanager
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, TypeVar
 
 import pytest
 
-from integrity.errors import LinkError
 from integrity.messages import wayside_pb2 as pb
 from integrity.messages.key_expressions import ALERT, ALIVE, CHALLENGE, EPOCH, HEALTH, INFO, site_key
 from integrity.messages.verification import HealthVerifier
@@ -275,23 +274,3 @@ def test_a_reader_that_stands_still_does_not_hold_the_station(key: Path) -> None
 def test_health_of_another_boot_is_a_bug(key: Path) -> None:
     with open_link([], []) as link, pytest.raises(AssertionError, match="another boot"):
         Publisher(link, parse_site(SITE, "s").config, load_key(key), bytes(16), "x").health(pb.Health(boot_id=b"x" * 16))
-
-
-@pytest.mark.parametrize("endpoint", ["tcp", "tcp/127.0.0.1", "tcp/127.0.0.1:70000", "smoke/signal:1", "127.0.0.1:7447", ""])
-@pytest.mark.parametrize(
-    "attempt",
-    [lambda e: open_link([e], []), lambda e: open_link([], [e]), lambda e: dial_link([e], lambda: None)],
-    ids=["listen", "connect", "dial"],
-)
-def test_an_endpoint_that_makes_no_sense_is_refused(endpoint: str, attempt: Callable[[str], AbstractContextManager[Link]]) -> None:
-    with pytest.raises(LinkError, match=r"expected PROTOCOL/HOST:PORT"), attempt(endpoint):
-        pass
-
-
-def test_a_port_in_use_is_refused_by_name() -> None:
-    with socket.socket() as other:
-        other.bind(("127.0.0.1", 0))
-        other.listen()
-        endpoint = f"tcp/127.0.0.1:{other.getsockname()[1]}"
-        with pytest.raises(LinkError, match=f"endpoint {endpoint}: the port is in use"), open_link([endpoint], []):
-            pass

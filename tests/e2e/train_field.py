@@ -6,9 +6,9 @@ import subprocess
 import sys
 import threading
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -67,7 +67,7 @@ class RunningTrain:
     """The process, and the positions that it has told so far, each with when it came."""
 
     process: subprocess.Popen[str]
-    positions: list[dict[str, Any]] = field(default_factory=list)
+    positions: list[dict[str, Any]]
 
     def until(self, condition: Any, within_s: float) -> dict[str, Any]:
         """The first position from now on for which the condition holds; AssertionError if none comes in time."""
@@ -84,7 +84,18 @@ class RunningTrain:
 
 @contextmanager
 def running_train(train_file: Path) -> Iterator[RunningTrain]:
-    """`wayside train run --json`; its talk goes to `train.log` beside the file. Killed at the end if it still runs."""
+    """See `train_process`."""
+    positions: list[dict[str, Any]] = []
+    with train_process(train_file, positions.append) as process:
+        yield RunningTrain(process, positions)
+
+
+@contextmanager
+def train_process(train_file: Path, take: Callable[[dict[str, Any]], None]) -> Iterator[subprocess.Popen[str]]:
+    """`wayside train run --json`, whose positions are handed on as they come; its talk goes to `train.log` beside the file.
+
+    Killed at the end if it still runs.
+    """
     with (train_file.parent / "train.log").open("a") as log:
         process = subprocess.Popen(
             [sys.executable, "-m", "wayside", "train", "run", str(train_file), "--json"],
@@ -94,18 +105,17 @@ def running_train(train_file: Path) -> Iterator[RunningTrain]:
             env=os.environ | {"OPENBLAS_NUM_THREADS": "1"},
             text=True,
         )
-        train = RunningTrain(process)
 
         def read() -> None:
             assert process.stdout is not None
             with process.stdout as lines:
                 for line in lines:
-                    train.positions.append(json.loads(line))
+                    take(json.loads(line))
 
         reader = threading.Thread(target=read, daemon=True)
         reader.start()
         try:
-            yield train
+            yield process
         finally:
             if process.poll() is None:
                 process.kill()

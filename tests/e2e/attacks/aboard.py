@@ -1,20 +1,16 @@
 """A train under attack: its process, and all that it said, each with when it came; afterwards, what it wrote down."""
 
-import json
-import os
 import signal
 import subprocess
-import sys
-import threading
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from recordings.reader import Entry, salvage
-from tests.e2e.field import REPOSITORY
+from tests.e2e.train_field import train_process
 
 NORMAL = "TRUST_NORMAL"
 END_WITHIN_S = 10.0
@@ -43,7 +39,7 @@ class Aboard:
 
     process: subprocess.Popen[str]
     folder: Path
-    said: list[Said] = field(default_factory=list)
+    said: list[Said]
 
     def until(self, condition: Callable[[Said], bool], within_s: float) -> Said | None:
         """The first position from now on for which the condition holds; None if none comes in time."""
@@ -78,32 +74,9 @@ class Aboard:
 @contextmanager
 def aboard(train_file: Path) -> Iterator[Aboard]:
     """`wayside train run --json`. Killed at the end if it still runs."""
-    with (train_file.parent / "train.log").open("w") as log:
-        process = subprocess.Popen(
-            [sys.executable, "-m", "wayside", "train", "run", str(train_file), "--json"],
-            stdout=subprocess.PIPE,
-            stderr=log,
-            cwd=REPOSITORY,
-            env=os.environ | {"OPENBLAS_NUM_THREADS": "1"},
-            text=True,
-        )
-    train = Aboard(process, train_file.parent)
-
-    def read() -> None:
-        assert process.stdout is not None
-        with process.stdout as lines:
-            for line in lines:
-                train.said.append(_said(json.loads(line), time.monotonic_ns()))
-
-    reader = threading.Thread(target=read, daemon=True)
-    reader.start()
-    try:
-        yield train
-    finally:
-        if process.poll() is None:
-            process.kill()
-        process.wait()
-        reader.join(2.0)
+    said: list[Said] = []
+    with train_process(train_file, lambda position: said.append(_said(position, time.monotonic_ns()))) as process:
+        yield Aboard(process, train_file.parent, said)
 
 
 def _said(position: dict[str, Any], told_ns: int) -> Said:

@@ -21,7 +21,7 @@ BOUND_MS = (MAX_VALID_NS + ALLOWED_NS) / 1e6
 LONG_LEASE_MS = 20_000
 WRONG_CONFIGURATION = 2  # exit code
 # On a machine that is very busy: an answer that overtakes a message names a later one.
-MERELY_LATE = {"repeated", "older", "boot not confirmed yet", "challenge: late answer", "challenge: 'Timeout'"}
+MERELY_LATE = {"repeated", "older", "boot not confirmed yet", "challenge: late answer"}
 MOST_NOT_VALID = 10  # epochs, for the same reason
 END_SOON_S = 1.0  # after the bound: then it has not ended at all
 
