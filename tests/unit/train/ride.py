@@ -114,6 +114,16 @@ class Ground:
             yield ChallengeAnswered(sent.mono_ns, SITE, sent.nonce, data)
 
 
+class Otherwise(Ground):
+    """Vouches for another ephemeris of one satellite than all others hear."""
+
+    def vouched(self, signal: str, gps_ns: int) -> list[pb.MonitoredSignal]:
+        found = super().vouched(signal, gps_ns)
+        for of in found:
+            of.ephemeris_crc32 ^= signal.startswith("G07")
+        return found
+
+
 def signals() -> list[str]:
     """All that may be seen."""
     return [f"{system}{number:02d}.1C" for system in "GE" for number in range(1, 37)]

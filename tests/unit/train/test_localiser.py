@@ -23,6 +23,7 @@ from tests.unit.train.ride import (
     START_NS,
     STEP_NS,
     Ground,
+    Otherwise,
     a_run,
     a_train,
     errors_m,
@@ -95,16 +96,6 @@ def test_an_excluded_satellite_is_not_used_in_the_epoch_of_the_message() -> None
 
     late = [r.fix for r in valid(ride(events(measured(), say))) if r.fix and r.fix.gps_time_ns >= START_NS + 10 * STEP_NS]
     assert len(late) == EPOCHS - 10 and not any(out in {satellite_of(s) for s in fix.used} for fix in late)
-
-
-class Otherwise(Ground):
-    """Vouches for another ephemeris of one satellite than all others hear."""
-
-    def vouched(self, signal: str, gps_ns: int) -> list[pb.MonitoredSignal]:
-        found = super().vouched(signal, gps_ns)
-        for of in found:
-            of.ephemeris_crc32 ^= signal.startswith("G07")
-        return found
 
 
 def test_with_another_ephemeris_than_the_one_vouched_for_a_satellite_is_not_used() -> None:

@@ -8,7 +8,7 @@ import pytest
 from integrity.gnss.gps_time import NS_PER_S
 from integrity.gnss.signals import satellite_of
 from integrity.messages import wayside_pb2 as pb
-from tests.unit.train.ride import MS, STEP_NS, Ground, Say, measured, nothing_special, positions, valid
+from tests.unit.train.ride import MS, STEP_NS, Otherwise, Say, measured, nothing_special, positions, valid
 from tests.unit.train.stations import (
     BEYOND,
     BORDER,
@@ -117,16 +117,6 @@ def test_a_satellite_that_one_of_them_excludes_is_not_used() -> None:
     late = [r.fix for r in valid(localiser().feed(stream(b=say))) if r.fix and r.fix.gps_time_ns >= at_ns(10)]
     assert len(late) == EPOCHS - 10
     assert not any(out == satellite_of(s) for fix in late for s in fix.used)
-
-
-class Otherwise(Ground):
-    """Vouches for another ephemeris of one satellite."""
-
-    def vouched(self, signal: str, gps_ns: int) -> list[pb.MonitoredSignal]:
-        found = super().vouched(signal, gps_ns)
-        for of in found:
-            of.ephemeris_crc32 ^= signal.startswith("G07")
-        return found
 
 
 @pytest.mark.parametrize("who", [A, B])
