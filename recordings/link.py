@@ -4,8 +4,9 @@ No multicast and no gossip: a process talks to the endpoints it was given and to
 and routers may call; a reader is a client. At endpoints `tls/HOST:PORT` both ends show certificates of one authority, and a station lets
 in only the names that it was given, to read and ask and nothing else. (Zenoh believes the public authorities of the web too where it
 dials: who poses as a station by one of those can withhold, but signs nothing.) Everything is put with congestion
-control DROP: a reader that does not keep up never holds a station. Callbacks run in Zenoh's threads, one per subscription: they stamp
-and hand on. A process that ends without closing its session hangs, so a link is only to be had by `with`.
+control DROP: a reader that does not keep up never holds a station. Callbacks run in the threads that read the link (of alerts and of
+who is there: in threads of their own), where they stamp and hand on. A process that ends without closing its session hangs, so a link is
+only to be had by `with`.
 """
 
 import json
