@@ -2,7 +2,7 @@
 
 `VerifyKey` is what `integrity.messages.verification` asks for a verdict. The stand-in is as exact about who signed what: its
 signature is a hash over the secret and over the very bytes that are signed, so that another key, another place, another kind of message
-or another byte is another signature. `test_stand_in.py` shows that both judge alike.
+or another byte is another signature. `test_model.py` shows that both judge alike.
 """
 
 import hashlib
