@@ -17,6 +17,7 @@ CHALLENGE_EVERY_NS = 1_000_000_000
 CHALLENGE_PAUSE_NS = 100_000_000  # at least this between two: replayed messages must not make us ask without end
 MOST_NONCES = 16  # not answered yet
 SHOWN_CHARACTERS = 200  # of words from the network that nobody has signed
+MOST_COUNTED = 2**64 - 1  # the largest number that a message holds: a sequence may leap as far, and more than once
 
 
 @dataclass(frozen=True)
@@ -106,7 +107,7 @@ class Ground:
             self._challenge_soon()
         if not received.verified:
             return self._refusal(received, event.mono_ns, received.refusal)
-        self.missed += received.missed
+        self.missed = min(self.missed + received.missed, MOST_COUNTED)
         self.trust = after_message(self.trust, received, event.mono_ns, self._train.trust, self.is_alarmed(event.mono_ns))
         counts = self.trust.state is TrustState.NORMAL and received.fresh and received.said is State.NORMAL
         vouched = vouched_by(received.health) if counts and received.health is not None else None
