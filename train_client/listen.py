@@ -10,8 +10,7 @@ import queue
 import secrets
 import time
 from collections.abc import Callable
-from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 from integrity.gnss.gps_time import format_utc
 from integrity.messages import wayside_pb2 as pb
@@ -27,21 +26,18 @@ SHOWN_CHARACTERS = 200  # of words from the network that nobody has signed
 MOST_WAITING = 1000  # arrivals not looked at yet: a minute of a station at 10 Hz
 
 
-@dataclass(frozen=True)
-class _Health:
+class _Health(NamedTuple):
     arrival: Arrival
     live: bool  # put by the station just now, not the answer to a query
 
 
-@dataclass(frozen=True)
-class _Answer:
+class _Answer(NamedTuple):
     arrival: Arrival
     nonce: bytes
     sent_mono_ns: int
 
 
-@dataclass(frozen=True)
-class _Alive:
+class _Alive(NamedTuple):
     alive: bool
 
 

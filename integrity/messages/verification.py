@@ -15,7 +15,6 @@ read as NOT_CONFIRMABLE (`caution`): refused, it would leave the message before 
 """
 
 from collections.abc import Iterable
-from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 from google.protobuf.message import DecodeError
@@ -39,8 +38,7 @@ STATES = {pb.NORMAL: State.NORMAL, pb.SATELLITE_ANOMALY: State.SATELLITE_ANOMALY
 CAUSES = {pb.CAUSE_UNSPECIFIED: Cause.NONE} | {pb.Cause.Value(cause.name): cause for cause in Cause if cause is not Cause.NONE}
 
 
-@dataclass(frozen=True)
-class Received:
+class Received(NamedTuple):
     """One message, judged at one time of the reader's clock. Only `state` may be acted on: NORMAL needs a fresh message that says so."""
 
     refusal: str  # why it is not believed; "" if verified
@@ -163,17 +161,16 @@ class HealthVerifier:
         if received.health is None or not received.verified:
             return received
         if self._tie is None:
-            return replace(
-                received, fresh=False, unconfirmed=True, age_ns=None, staleness="age unknown: no challenge has been answered yet"
-            )
+            staleness = "age unknown: no challenge has been answered yet"
+            return received._replace(fresh=False, unconfirmed=True, age_ns=None, staleness=staleness)
         boot_id = received.health.boot_id
         if boot_id != self._tie.boot_id:
             staleness = f"boot {boot_id.hex()} is not in force: the station answers as boot {self._tie.boot_id.hex()}"
-            return replace(received, fresh=False, unconfirmed=True, age_ns=None, staleness=staleness)
+            return received._replace(fresh=False, unconfirmed=True, age_ns=None, staleness=staleness)
         age_ns = self._tie.age_bound_ns(received.health.issued_mono_ns, mono_ns)
         fresh = 0 <= age_ns <= received.valid_ns
         staleness = "" if fresh else _staleness(age_ns, received.valid_ns)
-        return replace(received, fresh=fresh, unconfirmed=False, age_ns=age_ns, staleness=staleness)
+        return received._replace(fresh=fresh, unconfirmed=False, age_ns=age_ns, staleness=staleness)
 
     def challenge_answered(self, nonce: bytes, sent_mono_ns: int, received_mono_ns: int, data: bytes) -> Answer:
         """Judge a SignedChallengeReply to a nonce of 16 bytes drawn for it at random; times are of the reader's clock.

@@ -1,24 +1,27 @@
-"""From decision to verified health: `python -m tests.benchmarks.air [--seconds 60] [--json]`.
+"""From decision to verified health: `python -m tests.benchmarks.air [--seconds 60] [--awake] [--json]`.
 
 A station at 10 Hz in a process of its own, which decides on what three simulated receivers measure: when the decision is there the moment
-is stamped, its health is encoded, signed and put. The subscriber, another process, is the one of `wayside listen`: it challenges,
-verifies, and lets trust follow; then the moment is stamped again (one monotonic clock serves all processes of a machine). Once over TCP,
+is stamped, its health is encoded, signed and put. The subscriber, another process, is the one of `wayside listen`: it challenges and
+verifies; then the moment is stamped again (one monotonic clock serves all processes of a machine), and trust follows. Once over TCP,
 once over TLS with certificates and rights from peer to peer, once over TLS through the shipped router. Between two messages the same
 bytes go the same way once more, unlooked at: from put to callback, which is Zenoh's share and the machine's. Then how many messages a
 second one core verifies, trust included, beside the bare Ed25519 of the library.
+
+Between two epochs the processors fall asleep, and each thread on the way wakes one: on a virtual machine a good part of the whole.
+`--awake` keeps them from it, by the means Linux has for that (as `cyclictest` does when it measures); it needs root.
 """
 
 import argparse
 import gc
 import json
 import os
+import struct
 import subprocess
 import sys
 import tempfile
 import time
 from collections.abc import Iterable, Iterator, Sequence
-from contextlib import ExitStack, contextmanager
-from dataclasses import replace
+from contextlib import ExitStack, contextmanager, nullcontext
 from pathlib import Path
 from typing import Any
 
@@ -59,6 +62,7 @@ BARE = "bare"
 TIME_BYTES = 8
 ASKED_MS = {"tls": (1.0, 3.0), "tls router": (None, 8.0)}  # p50, p99
 ASKED_PER_S = 6000
+LATENCY_REQUEST = Path("/dev/cpu_dma_latency")  # Linux, "PM Quality of Service Interface": holds for as long as the file is open
 MESSAGES = 20_000
 ROUNDS = 5
 
@@ -101,8 +105,9 @@ def speak(endpoints: Sequence[str], connects: Sequence[str], folder: Path, secur
             sleep_until(due_ns)
             outputs = monitor.feed(events)
             decided_mono_ns = time.monotonic_ns()
-            (report,) = (replace(o, issued_mono_ns=decided_mono_ns) for o in outputs if isinstance(o, HealthReport))
+            (report,) = (o for o in outputs if isinstance(o, HealthReport))
             message = encode_health(report, site.config, SOFTWARE, boot_id)
+            message.issued_mono_ns = decided_mono_ns
             publisher.health(message)
             sleep_until(due_ns + round(CHORES_AFTER * PERIOD_NS))
             gc.collect()
@@ -140,7 +145,7 @@ def hear(endpoint: str, folder: Path, secured: bool, messages: int) -> None:
         now_ns = time.monotonic_ns()
         trust = after_message(after_time(trust, now_ns, LIMITS), received, now_ns, LIMITS)
         if received.fresh and received.health is not None:
-            latencies_ns.append(time.monotonic_ns() - received.health.issued_mono_ns)
+            latencies_ns.append(now_ns - received.health.issued_mono_ns)
 
     with dial_link([endpoint], lambda: None, tls) as link:
         link.subscribe(site_key(SITE_ID, BARE), lambda came: bare_ns.append(came.mono_ns - int.from_bytes(came.data[:TIME_BYTES])))
@@ -148,6 +153,18 @@ def hear(endpoint: str, folder: Path, secured: bool, messages: int) -> None:
         Listener(link, verifier, KeyDates([TrustedKey(trusted)]), take, lambda _: None).run(messages)
     assert trust.state is TrustState.NORMAL, trust
     print(json.dumps([latencies_ns[SETTLING:], bare_ns[SETTLING:]]))
+
+
+@contextmanager
+def awake_processors() -> Iterator[None]:
+    """None of this machine's falls asleep meanwhile."""
+    try:
+        request = LATENCY_REQUEST.open("wb", buffering=0)
+    except OSError as error:
+        raise SystemExit(f"{LATENCY_REQUEST}: {error.strerror}: run it as root, or without --awake") from error
+    with request:
+        request.write(struct.pack("i", 0))  # microseconds that waking may take
+        yield
 
 
 @contextmanager
@@ -233,6 +250,7 @@ def main() -> None:
     """Print what was measured, against what was asked."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--seconds", type=float, default=60.0, help="of each setup")
+    parser.add_argument("--awake", action="store_true", help="keep the processors from falling asleep (Linux, root)")
     parser.add_argument("--json", action="store_true")
     parser.add_argument("--speak", nargs=5, help=argparse.SUPPRESS)
     parser.add_argument("--hear", nargs=4, help=argparse.SUPPRESS)
@@ -245,7 +263,8 @@ def main() -> None:
         endpoint, folder, secured, messages = arguments.hear
         hear(endpoint, Path(folder), secured == "True", int(messages))
         return
-    found = measure(arguments.seconds)
+    with awake_processors() if arguments.awake else nullcontext():
+        found = measure(arguments.seconds)
     if arguments.json:
         print(json.dumps(found, indent=2))
         return

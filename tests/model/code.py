@@ -16,7 +16,7 @@ from nacl.exceptions import BadSignatureError
 
 import train_client.trust
 from integrity.messages import verification
-from integrity.messages.signatures import SigningKey, key_id, signing_key
+from integrity.messages.signatures import PrivateKey, SigningKey, key_id, signing_key
 
 Changes = dict[str, str]  # of source: what stands there, once, and what shall
 
@@ -57,7 +57,7 @@ def quick(in_verification: Changes | None = None, in_trust: Changes | None = Non
 
 def _stand_in_key(n: int) -> SigningKey:
     raw = bytes([n]) * 32
-    return SigningKey(cast(Ed25519PrivateKey, StandInKey(raw)), raw, key_id(raw))
+    return SigningKey(cast(PrivateKey, StandInKey(raw)), raw, key_id(raw))
 
 
 def _copy(module: ModuleType, changes: Changes) -> ModuleType:

@@ -3,7 +3,7 @@
 from dataclasses import FrozenInstanceError
 
 import pytest
-from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PrivateKey
+from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PrivateKey, Ed25519PublicKey
 from nacl.signing import VerifyKey
 
 from integrity.messages import wayside_pb2 as pb
@@ -20,7 +20,8 @@ from integrity.messages.signatures import (
 
 # RFC 8032, 7.1, test 1: the secret and its public key. The two signatures were made over these bytes with a second implementation,
 # written from RFC 8032, 5.1 with Python's integers, which gives the RFC's own signature of the empty message too.
-KEY = signing_key(Ed25519PrivateKey.from_private_bytes(bytes.fromhex("9d61b19deffd5a60ba844af492ec2cc44449c5697b326919703bac031cae7f60")))
+SEED = bytes.fromhex("9d61b19deffd5a60ba844af492ec2cc44449c5697b326919703bac031cae7f60")
+KEY = signing_key(Ed25519PrivateKey.from_private_bytes(SEED))
 RFC_PUBLIC = "d75a980182b10ab7d54bfed3c964073a0ee172f3daa62325af021a68f707511a"
 HEALTH_SIGNATURE = (
     "c20039307cfa953fa825b09332c328efce322343098d2fd37d71f1ed95bd6788699adbcbbe860ce570074fb4b9722d1c7cb218ffd9d0aac5ea8b29bb7b84710f"
@@ -63,6 +64,16 @@ def test_a_signature_counts_for_its_kind_of_message_its_place_and_its_bytes_only
         "none": (PUBLIC, b"", HEALTH_CONTEXT, PLACE, data),
     }
     assert [name for name, case in cases.items() if signature_is_right(*case)] == ["as signed"]
+
+
+def test_openssl_takes_what_is_signed() -> None:
+    data = bytes(range(200))
+    Ed25519PublicKey.from_public_bytes(KEY.public).verify(KEY.private.sign(data), data)  # raises where it does not
+
+
+def test_a_key_does_not_show_its_private_half() -> None:
+    shown = f"{KEY!r} {KEY.private!r}"
+    assert SEED.hex() not in shown and repr(SEED)[2:-1] not in shown
 
 
 def test_a_key_cannot_be_changed() -> None:

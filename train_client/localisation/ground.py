@@ -1,7 +1,7 @@
 """One station as a train sees it: what of its words is believed, and what follows from that. Steps a and b of the main path on board."""
 
 from collections.abc import Iterable
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from typing import NamedTuple
 
 from integrity.messages import wayside_pb2 as pb
@@ -146,7 +146,8 @@ class Ground:
             return received
         if received.said is not State.NORMAL:
             return received
-        return replace(received, said=State.NOT_CONFIRMABLE, caution=f"it vouches on other maps than this train's {self._map_sha256[:12]}")
+        caution = f"it vouches on other maps than this train's {self._map_sha256[:12]}"
+        return received._replace(said=State.NOT_CONFIRMABLE, caution=caution)
 
 
 def _reasons(received: Received) -> tuple[str, ...]:
