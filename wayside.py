@@ -4,8 +4,11 @@
 130 interrupted. stdout is data, stderr is talk.
 """
 
+import os
 import signal
 import sys
+import threading
+from contextlib import suppress
 from types import FrameType
 
 import typer
@@ -54,7 +57,18 @@ def main() -> None:
 
     signal.signal(signal.SIGINT, end)
     code = run(sys.argv[1:])
-    sys.exit(INTERRUPTED if interrupts else code)
+    leave(INTERRUPTED if interrupts else code)
+
+
+def leave(code: int) -> None:
+    """End this process. A thread that is still dialling would come back from Zenoh into an interpreter that is being taken down, where
+    Python ends it by force and Zenoh aborts the process: while there is one, the interpreter is left standing."""
+    if any(thread.daemon for thread in threading.enumerate()):
+        for stream in (sys.stdout, sys.stderr):
+            with suppress(OSError):  # nobody reads it any more
+                stream.flush()
+        os._exit(code)
+    sys.exit(code)
 
 
 def run(arguments: list[str]) -> int:

@@ -2,6 +2,8 @@
 
 import queue
 import socket
+import subprocess
+import sys
 import time
 from collections.abc import Callable
 from contextlib import AbstractContextManager
@@ -11,7 +13,7 @@ import zenoh
 
 from integrity.errors import LinkError
 from recordings.link import Arrival, Link, dial_link, open_link
-from tests.e2e.field import free_port, until
+from tests.e2e.field import REPOSITORY, free_port, until
 
 WITHIN_S = 0.3
 
@@ -60,3 +62,26 @@ def test_a_port_in_use_is_refused_by_name() -> None:
         endpoint = f"tcp/127.0.0.1:{other.getsockname()[1]}"
         with pytest.raises(LinkError, match=f"endpoint {endpoint}: the port is in use"), open_link([endpoint], []):
             pass
+
+
+DIALS_WHILE_IT_ENDS = """
+import threading, time
+import wayside
+from recordings import link
+
+def dial():
+    with link.dial_link(["tcp/127.0.0.1:9"], lambda: None):
+        pass
+
+link.RETRY_MS = (200, 0)  # again at once: some attempt comes back from Zenoh just when the process ends
+for _ in range(4):
+    threading.Thread(target=dial, daemon=True).start()
+time.sleep(0.5)
+print("said at last")
+wayside.leave(3)
+"""
+
+
+def test_a_process_ends_calmly_while_it_dials_in_vain() -> None:
+    ended = subprocess.run([sys.executable, "-c", DIALS_WHILE_IT_ENDS], cwd=REPOSITORY, capture_output=True, text=True, timeout=30.0)
+    assert (ended.returncode, ended.stdout, ended.stderr) == (3, "said at last\n", "")
