@@ -124,17 +124,18 @@ def full_verdict(checks: Checks, e: int, evidence: Evidence, policy: SatelliteFa
 
 def cause_of(outcome: Mapping[str, Outcome], bad: set[str], evidence: Evidence) -> tuple[Cause, tuple[str, ...], tuple[str, ...]]:
     """Cause, subjects, and the checks that show it; the first that matches."""
-    jammed = outcome["cn0"] == Outcome.FAIL or outcome["loss"] == Outcome.FAIL
+    sunk, lost = outcome["cn0"] == Outcome.FAIL, outcome["loss"] == Outcome.FAIL
+    drowned = sunk or (lost and outcome["cn0"] != Outcome.PASS)  # what is left is not as strong as ever
     circles = tuple(n for n in outcome if n.startswith("circle_"))
     shape_holds = outcome["shape"] == outcome["shape_3d"] == Outcome.PASS
 
     if outcome["repeat"] == Outcome.FAIL:
         return Cause.DATA, _chosen(evidence.receivers, evidence.repeating), ("repeat",)
-    if outcome["data"] != Outcome.PASS and outcome["cn0"] != Outcome.FAIL:
+    if outcome["data"] != Outcome.PASS and not drowned:
         if evidence.exclusions and evidence.enough_without_exclusion:
             return Cause.SATELLITE, _satellites(evidence.exclusions), ("data",)
         return Cause.DATA, (), ("data",)
-    if jammed:
+    if sunk or lost:
         return Cause.JAMMING, (), ("cn0", "loss")
     unknown = tuple(n for n, o in outcome.items() if o == Outcome.UNKNOWN)
     if unknown:

@@ -139,6 +139,12 @@ def test_cause_of_too_few_satellites_with_evidence_in_cn0() -> None:
     assert said(verdict(data=FAIL, cn0=FAIL, residual=UNKNOWN)) == (SA, Cause.JAMMING, (), "cn0")
 
 
+@pytest.mark.parametrize(("cn0", "cause"), [(NOT_MONITORED, Cause.JAMMING), (PASS, Cause.DATA)])
+def test_cause_of_too_few_satellites_after_signals_are_lost_at_two_receivers(cn0: Outcome, cause: Cause) -> None:
+    """Where what is left is as strong as ever, nothing was drowned: it was lost on the way."""
+    assert verdict(data=FAIL, loss=FAIL, cn0=cn0, residual=UNKNOWN).cause is cause
+
+
 def test_cause_of_too_few_satellites_because_of_exclusions() -> None:
     given = evidence(exclusions=(G17,), enough_without_exclusion=True)
     assert said(verdict(given, data=FAIL, residual=UNKNOWN)) == (SA, Cause.SATELLITE, ("G17",), "residual")
