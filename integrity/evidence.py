@@ -20,6 +20,7 @@ def evidence_of(decided: Decided, e: int, exclusions: tuple[Exclusion, ...], las
     return Evidence(
         receivers=place.site.receiver_names,
         repeating=decided.streams.repeating[e],
+        short=_short(decided, e, exclusions, limits),
         named=_named(decided, e, last, place),
         collapsed=bool(full.naming.collapse_fit[e] <= limits.collapse_fit),
         captured=_captured(full, e, limits),
@@ -30,6 +31,18 @@ def evidence_of(decided: Decided, e: int, exclusions: tuple[Exclusion, ...], las
         enough_without_exclusion=bool(decided.alone.solution.n_used[e].min() >= limits.min_common_satellites),
         swapped=swapped_receivers(full.solution.e_enu_m[e], place.triangle, limits),
     )
+
+
+def _short(decided: Decided, e: int, exclusions: tuple[Exclusion, ...], limits: Limits) -> Bools:
+    """The receiver (R,) without which the others would share enough satellites; none where that is so of several, or of none."""
+    sight = decided.sight
+    satellites = np.array(sight.block.satellites)
+    wanted = sight.sky.in_view[e] & ~np.isin(satellites, [x.satellite for x in exclusions])
+    measured = np.isfinite(sight.at_points.residual_m[e]) & wanted
+    shared = [len(np.unique(satellites[np.delete(measured, r, axis=0).all(axis=0)])) for r in range(len(measured))]
+    enough = np.array(shared) >= limits.min_common_satellites
+    short: Bools = enough & (enough.sum() == 1)
+    return short
 
 
 def _named(decided: Decided, e: int, last: LastClean | None, place: Place) -> Bools:

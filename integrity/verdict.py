@@ -55,6 +55,7 @@ class Evidence(NamedTuple):
 
     receivers: tuple[str, ...]
     repeating: Bools  # (R,)
+    short: Bools  # (R,) the receiver for which there are too few common satellites, if it is one
     named: Bools  # (R,) the receiver that the naming rules name, if any
     collapsed: bool  # the solved points are one point
     captured: Bools  # (R,) receivers of pairs that hear one transmitter, by their ranges
@@ -134,7 +135,7 @@ def cause_of(outcome: Mapping[str, Outcome], bad: set[str], evidence: Evidence) 
     if outcome["data"] != Outcome.PASS and not drowned:
         if evidence.exclusions and evidence.enough_without_exclusion:
             return Cause.SATELLITE, _satellites(evidence.exclusions), ("data",)
-        return Cause.DATA, (), ("data",)
+        return Cause.DATA, _chosen(evidence.receivers, evidence.short), ("data",)
     if sunk or lost:
         return Cause.JAMMING, (), ("cn0", "loss")
     unknown = tuple(n for n, o in outcome.items() if o == Outcome.UNKNOWN)

@@ -176,13 +176,35 @@ def test_without_cn0_the_check_is_named_as_not_monitored() -> None:
     assert (states(outputs), "cn0" in health(outputs)[-1].not_monitored) == (states(SOUND), True)
 
 
-def test_too_few_common_satellites_are_no_data() -> None:
+@pytest.mark.parametrize(("receivers", "subjects"), [("ABC", ()), ("AB", ()), ("A", ("A",)), ("C", ("C",))])
+def test_too_few_common_satellites_are_no_data_and_the_one_that_lacks_them_is_named(receivers: str, subjects: tuple[str, ...]) -> None:
     kept = used_satellites()[:4]
 
     def change(row: ObservationRow) -> ObservationRow:
-        return with_signals(row, lambda s: s.partition(".")[0] in kept) if epoch_of(row) >= FAULT_S else row
+        lacks = row.receiver in receivers and epoch_of(row) >= FAULT_S
+        return with_signals(row, lambda s: s.partition(".")[0] in kept) if lacks else row
 
-    assert first_fault(decided(rows_changed(stream(SECONDS), change)))[:3] == (FAULT_S, State.NOT_CONFIRMABLE, Cause.DATA)
+    assert first_fault(decided(rows_changed(stream(SECONDS), change))) == (FAULT_S, State.NOT_CONFIRMABLE, Cause.DATA, subjects)
+
+
+def test_where_either_of_two_could_be_blamed_for_too_few_common_satellites_none_is() -> None:
+    used = used_satellites()
+    halves = {"A": used[::2], "B": used, "C": used[1::2]}
+
+    def change(row: ObservationRow) -> ObservationRow:
+        return with_signals(row, lambda s: s.partition(".")[0] in halves[row.receiver]) if epoch_of(row) >= FAULT_S else row
+
+    assert first_fault(decided(rows_changed(stream(SECONDS), change))) == (FAULT_S, State.NOT_CONFIRMABLE, Cause.DATA, ())
+
+
+def test_without_cn0_most_signals_lost_at_two_receivers_are_jamming() -> None:
+    kept = used_satellites()[:4]
+
+    def change(row: ObservationRow) -> ObservationRow:
+        lost = row.receiver in "AB" and epoch_of(row) >= FAULT_S
+        return with_values(with_signals(row, lambda s: s.partition(".")[0] in kept) if lost else row, "cn0_dbhz", np.nan)
+
+    assert first_fault(decided(rows_changed(stream(SECONDS), change)))[:3] == (FAULT_S, State.SATELLITE_ANOMALY, Cause.JAMMING)
 
 
 def test_exchanged_antennas_are_hinted_at() -> None:

@@ -76,11 +76,13 @@ def evidence(
     captured: Iterable[str] = (),
     fed: Iterable[str] = (),
     displaced: bool = False,
+    short: Iterable[str] = (),
 ) -> Evidence:
-    repeats, names, hears, told = (np.isin(RECEIVERS, list(chosen)) for chosen in (repeating, named, captured, fed))
+    repeats, lacks, names, hears, told = (np.isin(RECEIVERS, list(chosen)) for chosen in (repeating, short, named, captured, fed))
     return Evidence(
         RECEIVERS,
         repeats,
+        lacks,
         names,
         collapsed,
         hears,
@@ -133,6 +135,10 @@ def test_cause_of_a_frozen_receiver() -> None:
 
 def test_cause_of_too_few_satellites() -> None:
     assert said(verdict(data=FAIL, residual=UNKNOWN)) == (NC, Cause.DATA, (), "data")
+
+
+def test_cause_of_too_few_satellites_at_one_receiver() -> None:
+    assert said(verdict(evidence(short="C"), data=FAIL, residual=UNKNOWN)) == (NC, Cause.DATA, ("C",), "data")
 
 
 def test_cause_of_too_few_satellites_with_evidence_in_cn0() -> None:
