@@ -187,6 +187,18 @@ def test_too_few_common_satellites_are_no_data_and_the_one_that_lacks_them_is_na
     assert first_fault(decided(rows_changed(stream(SECONDS), change))) == (FAULT_S, State.NOT_CONFIRMABLE, Cause.DATA, subjects)
 
 
+def test_who_lacks_satellites_is_not_named_where_it_is_an_excluded_one_that_is_missing() -> None:
+    """B and C keep five satellites, one of them excluded by then: they would be too few without A, too."""
+    wrong, *others = used_satellites()
+    kept = {"A": others[:3], "B": [wrong, *others[:4]], "C": [wrong, *others[:4]]}
+
+    def change(row: ObservationRow) -> ObservationRow:
+        return with_signals(row, lambda s: s.partition(".")[0] in kept[row.receiver]) if epoch_of(row) >= FAULT_S + 2 else row
+
+    outputs = decided(rows_changed(range_fault(stream(SECONDS), "ABC", 30.0, wrong), change), named(SITE, on_satellite_fault="exclude"))
+    assert first_fault(outputs) == (FAULT_S + 2, State.NOT_CONFIRMABLE, Cause.DATA, ())
+
+
 def test_where_either_of_two_could_be_blamed_for_too_few_common_satellites_none_is() -> None:
     used = used_satellites()
     halves = {"A": used[::2], "B": used, "C": used[1::2]}
