@@ -56,14 +56,23 @@ def test_an_infinite_cn0_does_not_blind_the_monitor_for_good(value: float) -> No
     assert first_fault(decided(rows_changed(stream(SECONDS), change)))[:3] == (FAULT_S, State.SATELLITE_ANOMALY, Cause.JAMMING)
 
 
-@pytest.mark.parametrize("from_s", [0, FAULT_S])
-@pytest.mark.parametrize("receivers", ["A", "ABC"])
-def test_an_epoch_without_any_signal_is_no_data(receivers: str, from_s: int) -> None:
+@pytest.mark.parametrize(
+    ("receivers", "from_s", "state", "cause"),
+    [
+        ("A", 0, State.NOT_CONFIRMABLE, Cause.DATA),
+        ("A", FAULT_S, State.NOT_CONFIRMABLE, Cause.DATA),
+        ("ABC", 0, State.NOT_CONFIRMABLE, Cause.DATA),
+        ("ABC", FAULT_S, State.SATELLITE_ANOMALY, Cause.JAMMING),
+    ],
+)
+def test_an_epoch_without_any_signal_is_no_data_and_jamming_if_several_had_some(
+    receivers: str, from_s: int, state: State, cause: Cause
+) -> None:
     def change(row: ObservationRow) -> ObservationRow:
         return with_signals(row, lambda signal: False) if row.receiver in receivers and epoch_of(row) >= from_s else row
 
     last = health(decided(rows_changed(stream(SECONDS), change)))[-1]
-    assert (last.state, last.cause) == (State.NOT_CONFIRMABLE, Cause.DATA)
+    assert (last.state, last.cause) == (state, cause)
 
 
 @pytest.mark.parametrize("value", [1e300, -1e300, 1e-300])
