@@ -72,7 +72,9 @@ def wayside(*arguments: object) -> Ran:
         if process.exitcode is None:
             process.kill()
         out, err = (Path(scratch, name).read_text() for name in ("out", "err"))
-        return Ran(-1 if process.exitcode is None else process.exitcode, out, err)
+        told = Path(scratch, "code")  # of several threads that wait, multiprocessing tells one the code and may tell another 255
+        code = int(told.read_text()) if told.exists() else process.exitcode
+        return Ran(-1 if code is None else code, out, err)
 
 
 def _main(arguments: list[str], scratch: str) -> None:
@@ -82,7 +84,11 @@ def _main(arguments: list[str], scratch: str) -> None:
     os.environ.clear()
     os.environ.update(environment())
     sys.argv = ["wayside", *arguments]
-    entry_point()
+    try:
+        entry_point()
+    except SystemExit as end:
+        Path(scratch, "code").write_text(str(end.code))
+        raise
 
 
 def side_by_side(commands: Sequence[Sequence[object]], run: Callable[..., Ran] = wayside) -> list[Ran]:
